@@ -1,0 +1,57 @@
+"""What every test relies on: an import path without the repository's root, settings for CI, no silent skips there."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Generator
+from pathlib import Path
+
+import pytest
+from hypothesis import settings
+
+ROOT = Path(__file__).resolve().parents[1]
+IN_CI = os.environ.get("CI", "").lower() in ("1", "true")
+
+# Deadlines measure the machine, not the code. CI draws the same examples every time, so that a red run can be repeated.
+settings.register_profile("local", deadline=None)
+settings.register_profile("ci", deadline=None, derandomize=True)
+settings.load_profile("ci" if IN_CI else "local")
+
+
+def pytest_configure() -> None:
+    """Refuse to run with the repository's root on the import path, where ``datasets`` would be the wrong package."""
+    if any(Path(entry).resolve() == ROOT for entry in sys.path):
+        raise pytest.UsageError(
+            f"the repository's root ({ROOT}) is on sys.path, where its folders shadow other packages; "
+            "run `make test` or plain `pytest`, or set PYTHONSAFEPATH=1 for `python -m pytest`"
+        )
+    # Interpreters that tests start inherit the same protection.
+    os.environ["PYTHONSAFEPATH"] = "1"
+
+
+def _skip_is_failure(report: pytest.CollectReport | pytest.TestReport) -> None:
+    """Turn a skip into a failure that gives the skip's reason. An expected failure is not a skip."""
+    if not report.skipped or hasattr(report, "wasxfail"):
+        return
+    reason = report.longrepr[2] if isinstance(report.longrepr, tuple) else str(report.longrepr)
+    report.outcome = "failed"
+    report.longrepr = f"in CI nothing may be skipped. {reason}"
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport() -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    """Fail a test that skips itself in CI, where everything it could need has been installed."""
+    report = yield
+    if IN_CI:
+        _skip_is_failure(report)
+    return report
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_make_collect_report() -> Generator[None, pytest.CollectReport, pytest.CollectReport]:
+    """Fail a whole file that skips itself in CI."""
+    report = yield
+    if IN_CI:
+        _skip_is_failure(report)
+    return report
