@@ -1,0 +1,63 @@
+"""Cross-entropy method on the predicted success (section IV-A)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import torch
+
+from handsight.servoing.errors import ServoSettingsError
+from handsight.servoing.objective import Objective
+from handsight.servoing.optimiser import Proposal
+from handsight.servoing.sampling import StepRange, gaussian_steps
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cem:
+    """Sample, keep the elite, refit. One iteration per servo step is the paper's faster and better variant."""
+
+    samples: int = 64
+    elite: int = 6
+    iterations: int = 1
+    range: StepRange = field(default_factory=StepRange)
+    max_steps: int = 10
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.elite <= self.samples or self.iterations < 1 or self.max_steps < 0:
+            raise ServoSettingsError(
+                f"CEM has {self.elite} elites of {self.samples} samples, {self.iterations} iterations and "
+                f"{self.max_steps} steps, expected 1 <= elite <= samples, iterations >= 1, steps >= 0"
+            )
+
+    def begin(self) -> CemOptimiser:
+        """CEM keeps no memory between servo steps."""
+        return CemOptimiser(self)
+
+
+@dataclass(frozen=True, slots=True)
+class CemOptimiser:
+    """Chooses steps by the cross-entropy method."""
+
+    settings: Cem
+
+    def propose(self, objective: Objective, score_here: float, rng: np.random.Generator) -> Proposal:
+        """Refit a Gaussian to the elite ``iterations`` times and step to the best pose found.
+
+        The last elite's mean competes with its best sample: over one object the mean is the better grasp, between two
+        objects it is none.
+        """
+        deviation = 0.5 * self.settings.range.scaled(score_here)
+        mean = torch.zeros(3)
+        seen, seen_scores = [], []
+        for _ in range(self.settings.iterations):
+            steps = mean + gaussian_steps(self.settings.samples, deviation, rng)  # (N, 3)
+            scores = objective(steps)
+            elite = steps[scores.topk(self.settings.elite).indices]
+            mean, deviation = elite.mean(0), elite.std(0, correction=0)
+            seen.append(steps)
+            seen_scores.append(scores)
+        seen.append(mean[None])
+        seen_scores.append(objective(mean[None]))
+        samples, all_scores = torch.cat(seen), torch.cat(seen_scores)
+        return Proposal(step=samples[all_scores.argmax()], samples=samples, scores=all_scores)

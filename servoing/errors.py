@@ -1,0 +1,23 @@
+"""Errors of the servoing room.
+
+ServoingError
+├── CameraModelError (ValueError)      intrinsics or mount that describe no camera
+├── ImageError (ValueError)            a picture of the wrong shape, type or content
+└── ServoSettingsError (ValueError)    optimiser or loop settings out of range
+"""
+
+
+class ServoingError(Exception):
+    """Base of every error raised in ``handsight.servoing``."""
+
+
+class CameraModelError(ServoingError, ValueError):
+    """Intrinsics or mount that describe no camera."""
+
+
+class ImageError(ServoingError, ValueError):
+    """A picture of the wrong shape, type or content."""
+
+
+class ServoSettingsError(ServoingError, ValueError):
+    """Optimiser or loop settings out of range."""

@@ -1,0 +1,60 @@
+"""Predicted success over the whole picture, for pure translations (section VI-C, figure 8).
+
+The paper's map has a vertical bias, the distance between camera and gripper. Here a pixel of the map is the place on
+the table to which the *gripper* would go, so graspable regions lie on their objects.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from handsight.servoing.errors import ServoSettingsError
+from handsight.servoing.homography import InputGrid
+from handsight.servoing.objective import Objective, ScoreInputs
+from handsight.servoing.view import View
+
+BATCH = 256
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Heatmap:
+    """Scores on a regular grid of raw pixels."""
+
+    scores: NDArray[np.float32]
+    """Predicted success of grasping at each grid point, without turning. Shape (R, C)."""
+    columns_px: NDArray[np.float32]
+    """Column of each grid point in the raw picture. Shape (C,)."""
+    rows_px: NDArray[np.float32]
+    """Row of each grid point in the raw picture. Shape (R,)."""
+    angle_rad: float
+    """Turn of the gripper against its current angle at which the map was made."""
+
+
+def grasp_heatmap(
+    view: View, score_inputs: ScoreInputs, *, grid: InputGrid, spacing_px: int = 8, angle_rad: float = 0.0
+) -> Heatmap:
+    """Score a translation to every ``spacing_px``-th pixel of the picture, all with the same turn.
+
+    Raises:
+        ServoSettingsError: the spacing is not positive.
+    """
+    if spacing_px < 1:
+        raise ServoSettingsError(f"heatmap spacing is {spacing_px} px, expected at least 1")
+    k = view.camera.intrinsics
+    plane_m = view.plane_m
+    columns_px = np.arange(0.5 * (spacing_px - 1), k.width, spacing_px, dtype=np.float32)
+    rows_px = np.arange(0.5 * (spacing_px - 1), k.height, spacing_px, dtype=np.float32)
+    dx_m = (columns_px - k.cx) * plane_m / k.fx + view.camera.x_tool_camera_m
+    dy_m = (rows_px - k.cy) * plane_m / k.fy + view.camera.y_tool_camera_m
+    grid_dy_m, grid_dx_m = np.meshgrid(dy_m, dx_m, indexing="ij")
+    steps = np.stack([grid_dx_m.ravel(), grid_dy_m.ravel(), np.full(grid_dx_m.size, angle_rad)], axis=1)
+    objective = Objective(view, score_inputs, grid)
+    batches = torch.from_numpy(steps.astype(np.float32)).split(BATCH)
+    scores = torch.cat([objective(batch) for batch in batches]).numpy()
+    return Heatmap(
+        scores=scores.reshape(grid_dx_m.shape), columns_px=columns_px, rows_px=rows_px, angle_rad=angle_rad
+    )

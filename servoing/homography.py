@@ -1,0 +1,104 @@
+"""Planar affine homography: the picture that the hand camera would take after a small step (section III-A, eq. 2).
+
+With the table perpendicular to the optical axis, the homography that a planar step induces on the plane at distance Z
+is an affine map. Crop, downsampling and step are composed into it, so every network input is resampled once.
+
+Frames: pixels of the network input (column, row) -> metres on the plane in the tool frame after the step
+-> metres in the tool frame now -> pixels of the raw picture. The input is centred on the grasp point, not on the
+optical axis; this is what makes it symmetric under the mirroring of section V-A.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor
+
+from handsight.servoing.camera import HandCamera
+from handsight.servoing.errors import ServoSettingsError
+from handsight.servoing.view import PreparedView
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class InputGrid:
+    """The network's view of the raw picture: a centred square crop, downsampled (section III-B)."""
+
+    crop_px: int = 400
+    """Side of the crop, in raw pixels of the pre-grasp view."""
+    size_px: int = 64
+    """Side of the network's input."""
+
+    def __post_init__(self) -> None:
+        if not 1 < self.size_px <= self.crop_px:
+            raise ServoSettingsError(
+                f"input grid is {self.size_px} px from a {self.crop_px} px crop, expected 1 < size <= crop"
+            )
+
+    @property
+    def pixels_per_cell(self) -> int:
+        """Decimation that leaves about two filtered pixels per input pixel: no aliasing, little to read."""
+        return max(1, round(self.crop_px / self.size_px / 2))
+
+
+def raw_from_input(
+    camera: HandCamera, steps: Tensor, *, plane_m: float, view_plane_m: float, grid: InputGrid
+) -> Tensor:
+    """Affine maps from network input pixels to raw pixels, one per step.
+
+    Args:
+        camera: The camera that took the picture.
+        steps: Delta poses (dx [m], dy [m], dangle [rad]) in the current tool frame. Shape (B, 3).
+        plane_m: Distance of the plane in the picture taken [m].
+        view_plane_m: Distance of the plane in the picture to predict [m]; differs when the camera also changes height.
+        grid: Crop and size of the network input.
+
+    Returns:
+        Maps M with raw = M @ (column, row, 1). Shape (B, 2, 3).
+    """
+    k = camera.intrinsics
+    focal = steps.new_tensor([k.fx, k.fy])
+    centre = steps.new_tensor([k.cx, k.cy])
+    camera_offset_m = steps.new_tensor([camera.x_tool_camera_m, camera.y_tool_camera_m])
+    # Input pixel -> metres around the grasp point: the crop's pixels are those of a camera at view_plane_m.
+    metres_per_pixel = grid.crop_px / grid.size_px * view_plane_m / focal  # (2,)
+    cos, sin = torch.cos(steps[:, 2]), torch.sin(steps[:, 2])
+    turn = torch.stack([torch.stack([cos, -sin], -1), torch.stack([sin, cos], -1)], -2)  # (B, 2, 2)
+    linear = (focal / plane_m)[:, None] * turn * metres_per_pixel  # (B, 2, 2)
+    grasp_px = focal / plane_m * (steps[:, :2] - camera_offset_m) + centre  # (B, 2)
+    middle = 0.5 * (grid.size_px - 1)
+    offset = grasp_px - linear.sum(-1) * middle
+    return torch.cat([linear, offset[:, :, None]], -1)
+
+
+def predict_inputs(view: PreparedView, steps: Tensor, *, grid: InputGrid, view_plane_m: float | None = None) -> Tensor:
+    """Network inputs predicted for every step: f(I_p, dp) of eq. 2. Edges are replicated.
+
+    Args:
+        view: The prepared picture I_p.
+        steps: Delta poses in the current tool frame, (dx [m], dy [m], dangle [rad]). Shape (B, 3).
+        grid: Crop and size of the network input.
+        view_plane_m: Distance of the plane in the predicted picture; None means the height does not change.
+
+    Returns:
+        Red, green, blue in [0, 1] and height below the plane [m]. Shape (B, 4, size, size).
+    """
+    plane_m = view.plane_m if view_plane_m is None else view_plane_m
+    maps = raw_from_input(view.camera, steps, plane_m=view.plane_m, view_plane_m=plane_m, grid=grid)
+    cell = view.pixels_per_cell
+    channels, height, width = view.channels.shape
+    # Raw pixel -> decimated pixel -> [-1, 1]; the centre of cell i is at raw pixel cell * i + (cell - 1) / 2.
+    scale = 2 / (maps.new_tensor([width, height]) - 1)
+    maps = maps * (scale / cell)[:, None]
+    maps[:, :, 2] -= 0.5 * (cell - 1) / cell * scale + 1
+    axis = torch.arange(grid.size_px, dtype=maps.dtype)
+    column = maps[:, :, 0, None] * axis  # (B, 2, size)
+    row = maps[:, :, 1, None] * axis + maps[:, :, 2, None]  # (B, 2, size)
+    points = (row[:, :, :, None] + column[:, :, None, :]).permute(0, 2, 3, 1)  # (B, row, column, 2)
+    # One tall picture instead of a batch of copies: all samples read the same source.
+    batch, size = len(steps), grid.size_px
+    sampled = F.grid_sample(
+        view.channels[None], points.reshape(1, batch * size, size, 2), padding_mode="border", align_corners=True
+    )
+    return sampled.reshape(channels, batch, size, size).transpose(0, 1).contiguous()

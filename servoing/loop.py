@@ -1,0 +1,135 @@
+"""The closed servo loop: look, score, step, until the grasp is good enough (section IV, figure 2)."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from handsight.servoing.errors import ServoSettingsError
+from handsight.servoing.homography import InputGrid
+from handsight.servoing.objective import Objective, ScoreInputs
+from handsight.servoing.optimiser import Method, Proposal
+from handsight.servoing.planar import PlanarPose, PlanarStep
+from handsight.servoing.view import View
+
+Look = Callable[[], tuple[View, PlanarPose]]
+"""Takes a picture and says from which pose."""
+Move = Callable[[PlanarPose], bool]
+"""Moves the gripper to a pose; False when it cannot be reached, the gripper then stays where it is."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ServoSettings:
+    """When to stop."""
+
+    threshold: float = 0.95
+    """Predicted success above which the grasp is executed (0.95 in simulation, 0.85 on the rig)."""
+    grid: InputGrid = field(default_factory=InputGrid)
+
+    def __post_init__(self) -> None:
+        if not 0 < self.threshold <= 1:
+            raise ServoSettingsError(f"threshold is {self.threshold}, expected in (0, 1]")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ServoStep:
+    """One pass of the loop: what was seen, what it was worth, what was chosen."""
+
+    view: View
+    pose: PlanarPose
+    score: float
+    """S_0, predicted success of grasping from ``pose``."""
+    proposal: Proposal | None
+    """None on the pass that ended the servo run."""
+    predicted: float
+    """Predicted success after the chosen step; equals ``score`` on the last pass."""
+    inputs: Tensor
+    """The network's input at ``pose``. Shape (4, size, size)."""
+    compute_s: float
+    """Time from picture to decision, without camera and robot [s]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ServoTrace:
+    """A whole servo run."""
+
+    method: str
+    threshold: float
+    steps: tuple[ServoStep, ...]
+    grasp_pose: PlanarPose
+    """Where the gripper stands at the end, ready to execute the grasp."""
+    grasp_score: float
+    """Predicted success there."""
+    confident: bool
+    """Whether the threshold was reached; otherwise the best pose seen was taken."""
+
+    @property
+    def moves(self) -> int:
+        """How often the gripper moved while servoing, without the return to the best pose."""
+        return sum(step.proposal is not None for step in self.steps)
+
+
+def servo(
+    look: Look,
+    move: Move,
+    score_inputs: ScoreInputs,
+    method: Method,
+    *,
+    name: str,
+    settings: ServoSettings,
+    rng: np.random.Generator,
+) -> ServoTrace:
+    """Run the loop from wherever the gripper stands and leave it where the grasp should be executed.
+
+    Returns:
+        The trace; its last step's pose is the grasp pose unless the best pose seen was an earlier one.
+    """
+    optimiser = method.begin()
+    steps: list[ServoStep] = []
+    for remaining in range(method.max_steps, -1, -1):
+        view, pose = look()
+        started = time.perf_counter()
+        objective = Objective(view, score_inputs, settings.grid)
+        score = objective.score_here()
+        proposal = None
+        if score < settings.threshold and remaining:
+            proposal = optimiser.propose(objective, score, rng)
+        compute_s = time.perf_counter() - started
+        steps.append(_record(view, pose, score, objective, proposal, compute_s))
+        if proposal is None or not move(pose.after(_planar(proposal.step))):
+            break
+    best = max(steps, key=lambda step: step.score)
+    if best is not steps[-1] and steps[-1].score < settings.threshold:
+        move(best.pose)
+    return ServoTrace(
+        method=name,
+        threshold=settings.threshold,
+        steps=tuple(steps),
+        grasp_pose=best.pose,
+        grasp_score=best.score,
+        confident=best.score >= settings.threshold,
+    )
+
+
+def _record(
+    view: View, pose: PlanarPose, score: float, objective: Objective, proposal: Proposal | None, compute_s: float
+) -> ServoStep:
+    return ServoStep(
+        view=view,
+        pose=pose,
+        score=score,
+        proposal=proposal,
+        predicted=float(objective(proposal.step[None])[0]) if proposal else score,
+        inputs=objective.inputs(torch.zeros(1, 3))[0],
+        compute_s=compute_s,
+    )
+
+
+def _planar(step: Tensor) -> PlanarStep:
+    dx_m, dy_m, dangle_rad = step.tolist()
+    return PlanarStep(dx_m=dx_m, dy_m=dy_m, dangle_rad=dangle_rad)

@@ -1,0 +1,43 @@
+"""The seam between the servo loop and the methods that choose its steps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from torch import Tensor
+
+from handsight.servoing.objective import Objective
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Proposal:
+    """What an optimiser chose, and what it looked at."""
+
+    step: Tensor
+    """(dx [m], dy [m], dangle [rad]) in the current tool frame. Shape (3,)."""
+    samples: Tensor
+    """Every step that was scored. Shape (N, 3)."""
+    scores: Tensor
+    """Their predicted success. Shape (N,)."""
+    gradient: Tensor | None = None
+    """Estimated gradient of S in units of the sampling range, where the method has one. Shape (3,)."""
+
+
+class Optimiser(Protocol):
+    """Chooses the next step of one servo run; may remember its earlier steps."""
+
+    def propose(self, objective: Objective, score_here: float, rng: np.random.Generator) -> Proposal:
+        """Choose a step from the current view."""
+
+
+class Method(Protocol):
+    """Settings of a servo method; begins a fresh optimiser for every run."""
+
+    @property
+    def max_steps(self) -> int:
+        """Moves after which the best pose seen is grasped."""
+
+    def begin(self) -> Optimiser:
+        """An optimiser that has seen nothing yet."""
