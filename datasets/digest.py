@@ -1,0 +1,75 @@
+"""What makes two attempts, or two datasets, the same.
+
+The digest of an attempt is a SHA-256 over everything recorded about it except what merely identifies it: its id (the
+session's ULID and its number) and the wall clock. Objects enter by name, because an index means nothing outside
+its session, and the station enters as far as it is needed to interpret the record. Seed, configuration and code
+version are provenance, not content.
+
+The digest of a dataset is a SHA-256 over the sorted digests of its attempts, so it depends on neither commits nor
+the number or order of sessions.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from handsight.datasets.header import canonical_json, station_to_json
+from handsight.datasets.records import GraspAttempt, SceneObjects, StationCard
+from handsight.datasets.rows import snapshot_of, to_row
+from handsight.datasets.schema import COLUMNS, VIEWS
+
+_ATTEMPT_PREFIX = b"handsight attempt 1\n"
+_DATASET_PREFIX = b"handsight dataset 1\n"
+
+
+def attempt_digest(attempt: GraspAttempt, station: StationCard) -> bytes:
+    """The content of one attempt, as 32 bytes. The attempt must be valid for the station."""
+    digest = hashlib.sha256(_ATTEMPT_PREFIX)
+    instruments = station_to_json(station)
+    del instruments["objects"]
+    _feed_text(digest, "station", canonical_json(instruments))
+    _feed_text(digest, "objects", canonical_json(object_names(attempt.scene, station)))
+    row = to_row(attempt, slots=0 if attempt.scene is None else len(attempt.scene.catalogue_index))
+    for column in COLUMNS:
+        if column.digested:
+            _feed_array(digest, column.name, row[column.name])
+    for view in VIEWS:
+        snapshot = snapshot_of(attempt, view)
+        if snapshot is not None:
+            _feed_array(digest, f"{view}/rgb", snapshot.rgb)
+            _feed_array(digest, f"{view}/depth", snapshot.depth)
+            _feed_array(digest, f"{view}/pose_base_tool", snapshot.pose_base_tool)
+    return digest.digest()
+
+
+def dataset_digest(attempt_digests: Iterable[bytes]) -> str:
+    """The content of a dataset, as 64 hexadecimal digits, from the digests of its attempts in any order."""
+    digest = hashlib.sha256(_DATASET_PREFIX)
+    for one in sorted(attempt_digests):
+        digest.update(one)
+    return digest.hexdigest()
+
+
+def object_names(scene: SceneObjects | None, station: StationCard) -> tuple[str, ...]:
+    """The objects of a scene by name, in the scene's order."""
+    return () if scene is None else tuple(station.objects[index] for index in scene.catalogue_index)
+
+
+def _feed_text(digest: hashlib._Hash, name: str, text: str) -> None:
+    encoded = text.encode()
+    digest.update(f"{name} {len(encoded)}\n".encode())
+    digest.update(encoded)
+
+
+def _feed_array(digest: hashlib._Hash, name: str, array: NDArray[Any]) -> None:
+    if np.issubdtype(array.dtype, np.floating):
+        # One bit pattern for each value: a chunk of fill values is not stored, so -0.0 and odd NaNs may not survive.
+        array = np.where(np.isnan(array), np.array(np.nan, array.dtype), array + array.dtype.type(0))
+    little = array.astype(array.dtype.newbyteorder("<"), copy=False)
+    digest.update(f"{name} {little.dtype.str} {little.shape}\n".encode())
+    digest.update(np.ascontiguousarray(little).data)

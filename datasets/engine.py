@@ -1,0 +1,152 @@
+"""Everything handsight asks of Icechunk and Zarr beyond their own calls: set-up, durable commits, named errors."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import icechunk
+import numpy as np
+import zarr
+from numpy.typing import NDArray
+
+from handsight.datasets.errors import CorruptDataError, StorageError
+
+_MANIFEST_CHUNKS = 1024
+"""Chunk references in one manifest. A commit rewrites the last manifest of each array, so without a limit the cost of a
+commit grows with the length of the session."""
+
+_READ_FAILURES = (ValueError, RuntimeError, OSError, KeyError, icechunk.IcechunkError)
+"""What zarr, the codecs and Icechunk raise for bytes that are damaged or missing."""
+
+
+def local_storage(path: Path) -> icechunk.Storage:
+    """Icechunk's view of a local folder, which it creates where there is none."""
+    # It warns that local commits are unsafe; ours hold the dataset's lock.
+    icechunk.set_logs_filter("warn,icechunk::storage::object_store=error")
+    return icechunk.local_filesystem_storage(str(path.resolve()))
+
+
+def engine_config() -> icechunk.RepositoryConfig:
+    """The settings that every new dataset is created with and keeps."""
+    splitting = icechunk.ManifestSplittingConfig.from_dict(
+        {icechunk.ManifestSplitCondition.AnyArray(): {icechunk.ManifestSplitDimCondition.Axis(0): _MANIFEST_CHUNKS}}
+    )
+    config = icechunk.RepositoryConfig.default()
+    config.manifest = icechunk.ManifestConfig(splitting=splitting)
+    return config
+
+
+@contextmanager
+def engine_errors(action: str) -> Iterator[None]:
+    """Turn failures of the engine into ``StorageError``; ``action`` says what was being done."""
+    try:
+        yield
+    except icechunk.IcechunkError as error:
+        raise StorageError(f"{action}: {_headline(error)}; check that the disk is writable and not full") from error
+
+
+def publish(
+    repository: icechunk.Repository,
+    session: icechunk.Session,
+    *,
+    root: Path,
+    branch: str,
+    message: str,
+    metadata: Mapping[str, Any],
+) -> str:
+    """Move the branch to a new snapshot with the session's changes, and return its id. The caller holds the lock.
+
+    What the snapshot needs is on the disk before the branch points to it, and the branch is before this returns, so
+    a power cut leaves either the old version or the new one, whole. Icechunk itself never syncs.
+
+    Raises:
+        icechunk.RebaseFailedError: The branch has moved and its new commits touch what the session touched.
+    """
+    tip = repository.lookup_branch(branch)
+    if session.snapshot_id != tip:
+        session.rebase(icechunk.ConflictDetector())
+    snapshot_id = session.flush(message, dict(metadata))
+    sync_file_system(root)
+    repository.reset_branch(branch, snapshot_id, from_snapshot_id=tip)
+    sync_file_system(root)
+    return snapshot_id
+
+
+def sync_file_system(path: Path) -> None:
+    """Wait until everything written to the file system under ``path`` is on the disk.
+
+    One call for the file system, because Icechunk does not say which files it wrote; a few milliseconds when little
+    else is being written. Where there is no ``syncfs``, all file systems are synced.
+    """
+    libc = ctypes.CDLL(None, use_errno=True)
+    if not hasattr(libc, "syncfs"):
+        os.sync()
+        return
+    folder = os.open(path, os.O_RDONLY)
+    try:
+        if libc.syncfs(folder) != 0:
+            code = ctypes.get_errno()
+            raise StorageError(f"cannot sync {path} to disk: {os.strerror(code)}; the commit may not survive a crash")
+    finally:
+        os.close(folder)
+
+
+def group_at(parent: zarr.Group, path: str) -> zarr.Group:
+    """The group at a path.
+
+    Raises:
+        CorruptDataError: There is none.
+    """
+    node = _node(parent, path)
+    if not isinstance(node, zarr.Group):
+        raise CorruptDataError(f"{_name(parent, path)} is an array, expected a group")
+    return node
+
+
+def array_at(parent: zarr.Group, path: str) -> zarr.Array[Any]:
+    """The array at a path.
+
+    Raises:
+        CorruptDataError: There is none.
+    """
+    node = _node(parent, path)
+    if not isinstance(node, zarr.Array):
+        raise CorruptDataError(f"{_name(parent, path)} is a group, expected an array")
+    return node
+
+
+def read_rows(array: zarr.Array[Any], start: int, stop: int) -> NDArray[Any]:
+    """Rows ``start`` to ``stop``, the latter excluded.
+
+    Raises:
+        CorruptDataError: Their bytes fail the checksum or are missing.
+    """
+    try:
+        return np.asarray(array[start:stop])
+    except _READ_FAILURES as error:
+        rows = f"row {start}" if stop == start + 1 else f"rows {start} to {stop - 1}"
+        raise CorruptDataError(
+            f"{array.path} is damaged in {rows}: {_headline(error)}; restore the dataset from a copy"
+        ) from error
+
+
+def _node(parent: zarr.Group, path: str) -> zarr.Group | zarr.Array[Any]:
+    try:
+        return parent[path]
+    except _READ_FAILURES as error:
+        raise CorruptDataError(f"{_name(parent, path)} cannot be read: {_headline(error)}") from error
+
+
+def _name(parent: zarr.Group, path: str) -> str:
+    return f"{parent.path}/{path}".lstrip("/")
+
+
+def _headline(error: Exception) -> str:
+    """The first line of the message; Icechunk adds a Rust backtrace below it."""
+    lines = [line.strip(" x×") for line in str(error).splitlines() if line.strip(" x×")]
+    return lines[0] if lines else type(error).__name__

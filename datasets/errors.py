@@ -1,0 +1,100 @@
+"""Errors of the datasets room.
+
+DatasetError
+├── AddressError (ValueError)                  text that is no ``PATH[@REF]``
+├── DatasetNotFoundError (FileNotFoundError)   no folder at that path
+├── DatasetExistsError (FileExistsError)       creation where a dataset already is
+├── NotADatasetError (NotADirectoryError)      a file or a foreign folder where a dataset is wanted
+├── SchemaError (ValueError)                   a dataset newer than this version of handsight can read
+├── RefNotFoundError (LookupError)             no release, branch or snapshot of that name
+├── RefNameError (ValueError)                  a name that a release cannot take
+├── AttemptNotFoundError (LookupError)         no such attempt in this version of the dataset
+├── SnapshotNotFoundError (LookupError)        the attempt exists, the picture was never taken
+├── SessionNotFoundError (LookupError)         no such session in this version of the dataset
+├── SessionConflictError (ValueError)          a session that exists already, or that another process continued
+├── HeaderError (ValueError)                   a session header that cannot be recorded
+├── RecordError (ValueError)                   an attempt that cannot be recorded
+├── NoTrainingDataError (ValueError)           a version from which no network input can be made
+├── CorruptDataError (OSError)                 stored bytes that fail their checksum or are missing
+├── StorageError (OSError)                     the storage engine failed
+├── DatasetBusyError (TimeoutError)            another process held the commit lock for too long
+└── ForkedProcessError (RuntimeError)          use in a forked child of the process that opened the dataset
+"""
+
+from __future__ import annotations
+
+
+class DatasetError(Exception):
+    """Base of every error raised in ``handsight.datasets``."""
+
+
+class AddressError(DatasetError, ValueError):
+    """Text that is no ``PATH[@REF]``."""
+
+
+class DatasetNotFoundError(DatasetError, FileNotFoundError):
+    """There is no folder at that path."""
+
+
+class DatasetExistsError(DatasetError, FileExistsError):
+    """A dataset was to be created where one already is."""
+
+
+class NotADatasetError(DatasetError, NotADirectoryError):
+    """A file or a foreign folder lies where a dataset is wanted."""
+
+
+class SchemaError(DatasetError, ValueError):
+    """The dataset is newer than this version of handsight can read."""
+
+
+class RefNotFoundError(DatasetError, LookupError):
+    """No release, branch or snapshot has that name."""
+
+
+class RefNameError(DatasetError, ValueError):
+    """A release cannot take that name."""
+
+
+class AttemptNotFoundError(DatasetError, LookupError):
+    """This version of the dataset holds no such attempt."""
+
+
+class SnapshotNotFoundError(DatasetError, LookupError):
+    """The attempt exists, but that picture was never taken."""
+
+
+class SessionNotFoundError(DatasetError, LookupError):
+    """This version of the dataset holds no such session."""
+
+
+class SessionConflictError(DatasetError, ValueError):
+    """The session exists already, or another process continued it."""
+
+
+class HeaderError(DatasetError, ValueError):
+    """The session header cannot be recorded; the message lists every fault."""
+
+
+class RecordError(DatasetError, ValueError):
+    """The attempt cannot be recorded; the message lists every fault."""
+
+
+class NoTrainingDataError(DatasetError, ValueError):
+    """No network input can be made from this version."""
+
+
+class CorruptDataError(DatasetError, OSError):
+    """Stored bytes fail their checksum or are missing."""
+
+
+class StorageError(DatasetError, OSError):
+    """The storage engine failed, for instance because the disk is full."""
+
+
+class DatasetBusyError(DatasetError, TimeoutError):
+    """Another process held the commit lock for too long."""
+
+
+class ForkedProcessError(DatasetError, RuntimeError):
+    """An open dataset was used in a forked child, where the storage engine would hang."""

@@ -1,0 +1,56 @@
+"""Session headers as JSON, and the digest that tells whether two sessions were set up alike."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import asdict
+from typing import Any
+
+from handsight.datasets.records import SessionHeader, StationCard
+from handsight.servoing.camera import HandCamera, Intrinsics
+
+
+def canonical_json(value: Any) -> str:
+    """One text for one value: sorted keys, no blanks, no NaN.
+
+    Raises:
+        TypeError: The value holds something JSON has no form for.
+        ValueError: The value holds NaN or infinity.
+    """
+    return json.dumps(value, sort_keys=True, separators=(",", ":"), allow_nan=False)
+
+
+def station_to_json(station: StationCard) -> dict[str, Any]:
+    """A station card as JSON values."""
+    return {**asdict(station), "objects": list(station.objects)}
+
+
+def station_from_json(card: dict[str, Any]) -> StationCard:
+    """The station card that ``station_to_json`` was given."""
+    camera = dict(card["camera"])
+    intrinsics = Intrinsics(**camera.pop("intrinsics"))
+    rest = {key: value for key, value in card.items() if key not in ("camera", "objects")}
+    return StationCard(camera=HandCamera(intrinsics=intrinsics, **camera), objects=tuple(card["objects"]), **rest)
+
+
+def header_to_json(header: SessionHeader) -> dict[str, Any]:
+    """A session header as JSON values."""
+    return {
+        "station": station_to_json(header.station),
+        "seed": header.seed,
+        "objects_per_scene": header.objects_per_scene,
+        "config": header.config,
+    }
+
+
+def header_from_json(card: dict[str, Any]) -> SessionHeader:
+    """The session header that ``header_to_json`` was given; tuples in its configuration come back as lists."""
+    return SessionHeader(**{**card, "station": station_from_json(card["station"])})
+
+
+def config_digest(header: SessionHeader) -> str:
+    """What decides, with the seed, whether two sessions would record the same, as 64 hexadecimal digits."""
+    setup = header_to_json(header)
+    del setup["seed"]
+    return hashlib.sha256(canonical_json(setup).encode()).hexdigest()

@@ -1,0 +1,132 @@
+"""From raw pictures to network inputs: warped once, kept in a memory-mapped cache.
+
+A dataset stores what the camera saw. What the network reads is derived from it: the picture of one view, warped to the
+pre-grasp pose at which the fixed grasp policy started (section III-B). The cache is keyed by snapshot and transform, so
+it can be deleted at any time and never goes stale.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import tempfile
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import torch
+from numpy.typing import NDArray
+
+from handsight.datasets import schema
+from handsight.datasets.errors import NoTrainingDataError
+from handsight.datasets.reader import GraspDataset
+from handsight.datasets.records import Snapshot, StationCard
+from handsight.datasets.repository import SIDE_FOLDER
+from handsight.servoing.homography import InputGrid, predict_inputs
+from handsight.servoing.planar import PlanarPose
+from handsight.servoing.view import PreparedView, View
+
+CACHE_VERSION = 1
+"""Counts changes of the warp that change the inputs' values."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GraspInputs:
+    """Network inputs and labels of one version of a dataset."""
+
+    inputs: NDArray[np.float16]
+    """Red, green, blue in [0, 1] and height below the plane [m]; memory-mapped. Shape (N, 4, size, size)."""
+    attempts: pd.DataFrame
+    """The rows of the attempts table they belong to, in the same order."""
+
+    @property
+    def labels(self) -> NDArray[np.float32]:
+        """1 where the grasp succeeded. Shape (N,)."""
+        return self.attempts["success"].to_numpy(dtype=np.float32)
+
+
+def station_view(snapshot: Snapshot, station: StationCard) -> View:
+    """A recorded picture as the servoing room sees it: depth in metres."""
+    depth_m = snapshot.depth.astype(np.float32) * np.float32(station.depth_scale_m)
+    return View(rgb=snapshot.rgb, depth_m=depth_m, camera=station.camera)
+
+
+def materialize(
+    dataset: GraspDataset,
+    *,
+    view: schema.View = "pregrasp",
+    grid: InputGrid | None = None,
+    on_attempt: Callable[[], None] | None = None,
+) -> GraspInputs:
+    """Inputs of all labelled attempts, from the cache or made now.
+
+    Args:
+        dataset: The version to read.
+        view: Which picture to warp to the pre-grasp pose: ``pregrasp`` was taken there, ``overhead`` before.
+        grid: Crop and size of the inputs.
+        on_attempt: Called for every input made, not for those found in the cache.
+
+    Raises:
+        NoTrainingDataError: No attempt of this version has a label and the picture asked for.
+        CorruptDataError: A picture is damaged; the message names the attempt.
+    """
+    grid = grid or InputGrid()
+    rows = dataset.attempts
+    rows = rows[rows["success"].notna() & rows[f"{view}_taken"]]
+    if rows.empty:
+        raise NoTrainingDataError(
+            f"{dataset.repository.path}@{dataset.ref} has no labelled attempt with a {view} picture, expected some: "
+            "collect more with 'handsight collect sim'"
+        )
+    path = _cache_path(dataset, view, grid)
+    if not path.exists():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        _write(path, dataset, rows, view, grid, on_attempt)
+    return GraspInputs(inputs=np.load(path, mmap_mode="r"), attempts=rows)
+
+
+def _cache_path(dataset: GraspDataset, view: schema.View, grid: InputGrid) -> Path:
+    key = {"snapshot": dataset.snapshot_id, "view": view, "grid": asdict(grid), "version": CACHE_VERSION}
+    digest = hashlib.sha256(json.dumps(key, sort_keys=True).encode()).hexdigest()
+    return dataset.repository.path / SIDE_FOLDER / "inputs" / f"{digest[:32]}.npy"
+
+
+def _write(
+    path: Path,
+    dataset: GraspDataset,
+    rows: pd.DataFrame,
+    view: schema.View,
+    grid: InputGrid,
+    on_attempt: Callable[[], None] | None,
+) -> None:
+    """Fill a temporary file and rename it: a cache file is whole or absent, whoever else writes the same."""
+    handle, name = tempfile.mkstemp(suffix=".npy", prefix=".unfinished-", dir=path.parent)
+    os.close(handle)
+    try:
+        shape = (len(rows), 4, grid.size_px, grid.size_px)
+        inputs = np.lib.format.open_memmap(name, mode="w+", dtype=np.float16, shape=shape)
+        poses = zip(rows["pregrasp_x_m"], rows["pregrasp_y_m"], rows["pregrasp_angle_rad"], strict=True)
+        pictures = dataset.snapshots(view, rows.index)
+        for row, ((attempt, snapshot), (x_m, y_m, angle_rad)) in enumerate(zip(pictures, poses, strict=True)):
+            goal = PlanarPose(x_m=x_m, y_m=y_m, angle_rad=angle_rad)
+            inputs[row] = grasp_input(snapshot, dataset.station(attempt), goal, grid)
+            if on_attempt is not None:
+                on_attempt()
+        inputs.flush()
+        Path(name).rename(path)
+    finally:
+        Path(name).unlink(missing_ok=True)
+
+
+def grasp_input(snapshot: Snapshot, station: StationCard, goal: PlanarPose, grid: InputGrid) -> NDArray[np.float32]:
+    """The network input for a grasp at ``goal``, predicted from a picture taken elsewhere. Shape (4, size, size)."""
+    taken_at = PlanarPose.from_pose_base_tool(snapshot.pose_base_tool)
+    step = taken_at.step_to(goal)
+    prepared = PreparedView.from_view(station_view(snapshot, station), pixels_per_cell=grid.pixels_per_cell)
+    steps = torch.tensor([[step.dx_m, step.dy_m, step.dangle_rad]], dtype=torch.float32)
+    drop_m = float(snapshot.pose_base_tool[2, 3]) - station.pregrasp_height_m
+    inputs = predict_inputs(prepared, steps, grid=grid, view_plane_m=prepared.plane_m - drop_m)
+    return inputs[0].numpy()

@@ -1,0 +1,81 @@
+"""Releases: immutable names for snapshots.
+
+The name is an Icechunk tag on the very snapshot that was released. Tags carry no text, so message and time go into
+a ledger, a branch of its own that nobody commits data to; it travels with the dataset and changes no version of it.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Any
+
+import zarr
+
+from handsight.datasets.errors import RefNameError
+
+LEDGER_BRANCH = "handsight.releases"
+"""Not shown among the branches."""
+
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
+_SNAPSHOT_ID = re.compile(r"[0-9A-HJKMNP-TV-Z]{20}")
+_LEDGER_KEY = "releases"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Release:
+    """One released version."""
+
+    name: str
+    snapshot_id: str
+    message: str
+    released_at: datetime | None
+    """UTC; None for a tag that was not made by handsight."""
+
+
+def is_snapshot_id(text: str) -> bool:
+    """Whether the text has the form of a snapshot id."""
+    return _SNAPSHOT_ID.fullmatch(text) is not None
+
+
+def check_release_name(name: str) -> None:
+    """Refuse a name that could not be typed in an address or told from a snapshot id.
+
+    Raises:
+        RefNameError: Both rules are in the message.
+    """
+    if not _NAME.fullmatch(name) or is_snapshot_id(name) or name == LEDGER_BRANCH:
+        raise RefNameError(
+            f"release name is {name!r}, expected 1 to 64 letters, digits, '.', '_' or '-', beginning with a letter "
+            "or digit and not in the form of a snapshot id: choose a name such as v1"
+        )
+
+
+def read_ledger(root: zarr.Group, tags: dict[str, str]) -> dict[str, Release]:
+    """The releases behind the tags, a mapping from name to snapshot id, sorted by name."""
+    entries = _entries(root)
+    return {name: _release(name, tags[name], entries.get(name)) for name in sorted(tags)}
+
+
+def add_to_ledger(root: zarr.Group, release: Release) -> None:
+    """Write a release into the ledger; it shows once its tag exists."""
+    when = None if release.released_at is None else release.released_at.isoformat()
+    entry = {"message": release.message, "released_at": when}
+    root.update_attributes({_LEDGER_KEY: {**_entries(root), release.name: entry}})
+
+
+def _entries(root: zarr.Group) -> dict[str, dict[str, str]]:
+    attributes: dict[str, Any] = root.attrs.asdict()
+    return dict(attributes.get(_LEDGER_KEY, {}))
+
+
+def _release(name: str, snapshot_id: str, entry: dict[str, str] | None) -> Release:
+    if entry is None:
+        return Release(name=name, snapshot_id=snapshot_id, message="", released_at=None)
+    return Release(
+        name=name,
+        snapshot_id=snapshot_id,
+        message=entry["message"],
+        released_at=datetime.fromisoformat(entry["released_at"]),
+    )

@@ -1,0 +1,223 @@
+"""What a dataset looks like on disk: groups, columns, chunks, codecs.
+
+::
+
+    /                               attrs: schema_version, dataset_uuid, created
+    /sessions/<ulid>/               attrs: see sessions.py; one writer per group, so that commits never conflict
+        overhead/rgb                u1 (N, H, W, 3)
+        overhead/depth              u2 (N, H, W), 0 is invalid
+        overhead/pose_base_tool     f8 (N, 4, 4)
+                                    fill values where the picture was never taken
+        pregrasp/...                the same
+        attempts/<column>           (N, ...), the columns below
+
+Row *n* of every array of a session belongs to attempt number *n*. Outside the session an attempt is known by its id
+alone, which never changes. Every array ends its codecs with crc32c: blosc and zstd alone let most flipped bits pass.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Literal, get_args
+
+import numpy as np
+import zarr
+from zarr.codecs import BloscCodec, Crc32cCodec
+
+from handsight.datasets.errors import AttemptNotFoundError
+from handsight.datasets.records import PHASES
+from handsight.servoing.camera import Intrinsics
+
+SCHEMA_VERSION = 1
+"""Written to every new dataset; a dataset with a larger number is refused."""
+
+View = Literal["overhead", "pregrasp"]
+VIEWS: tuple[View, ...] = get_args(View)
+"""The pictures an attempt can have, in the order in which they are taken."""
+
+SESSIONS = "sessions"
+"""Group that holds one group for each session."""
+
+FAILURE_BYTES = 512
+"""Longest failure text, in bytes of UTF-8. Zero padding compresses to nothing."""
+
+COLUMN_CHUNK_ROWS = 256
+"""Rows in one chunk of a column. Pictures have one frame in each chunk."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Column:
+    """One value, or one small array, for each attempt."""
+
+    name: str
+    dtype: str
+    shape: Callable[[int], tuple[int, ...]] = lambda width: ()
+    """Shape of one row, from the number of object slots of the session."""
+    unit: str = ""
+    fill: float | int | bool = 0
+    """What a slot holds that belongs to nothing, such as the second object of a scene with one."""
+    digested: bool = True
+    """Whether the value is content; ids and clock times are not."""
+    description: str
+
+
+_NAN = float("nan")
+
+COLUMNS = (
+    Column(name="number", dtype="int64", digested=False, description="Position in the session, from 0."),
+    Column(name="outcome", dtype="uint8", description="Outcome: 0 empty, 1 held, 2 unreachable, 3 aborted."),
+    Column(
+        name="failure",
+        dtype="uint8",
+        shape=lambda width: (FAILURE_BYTES,),
+        description="'phase: reason' in UTF-8, padded with zeros; empty where the attempt ran to its end.",
+    ),
+    Column(
+        name="picture_taken",
+        dtype="bool",
+        shape=lambda width: (len(VIEWS),),
+        fill=False,
+        description=f"Whether there is a picture: {', '.join(VIEWS)}.",
+    ),
+    Column(
+        name="pregrasp_x_y_angle",
+        dtype="float64",
+        shape=lambda width: (3,),
+        unit="m, m, rad",
+        fill=_NAN,
+        description="The pre-grasp pose commanded, in the base frame.",
+    ),
+    Column(
+        name="pose_base_tool_grasp",
+        dtype="float64",
+        shape=lambda width: (4, 4),
+        unit="m",
+        fill=_NAN,
+        description="Tool pose measured when the jaws closed; NaN when they did not.",
+    ),
+    Column(
+        name="contact_force_n",
+        dtype="float64",
+        unit="N",
+        fill=_NAN,
+        description="Upward force that ended the descent; 0 when it ended at table height.",
+    ),
+    Column(
+        name="gripper_width_m",
+        dtype="float64",
+        shape=lambda width: (4,),
+        unit="m",
+        fill=_NAN,
+        description="Jaw opening before, closed, lifted and final; NaN where the attempt never got there.",
+    ),
+    Column(name="object_count", dtype="int16", fill=-1, description="Objects in the scene; -1 where unknown."),
+    Column(name="target", dtype="int16", fill=-1, description="Which object the pose was drawn around; -1 unknown."),
+    Column(
+        name="catalogue_index",
+        dtype="int16",
+        shape=lambda width: (width,),
+        fill=-1,
+        digested=False,
+        description="Index of each object in the session's catalogue. The digest takes the names instead.",
+    ),
+    Column(
+        name="pose_base_object",
+        dtype="float64",
+        shape=lambda width: (width, 7),
+        unit="m, 1",
+        fill=_NAN,
+        description="Position and quaternion, as x y z qx qy qz qw, when the overhead picture was taken.",
+    ),
+    Column(name="truth_held", dtype="int8", fill=-1, description="Simulator truth: 0, 1, or -1 where there is none."),
+    Column(
+        name="phase_s",
+        dtype="float32",
+        shape=lambda width: (len(PHASES),),
+        unit="s",
+        fill=_NAN,
+        description=f"Duration of {', '.join(PHASES)} in the station's own time.",
+    ),
+    Column(
+        name="started_elapsed_ns",
+        dtype="int64",
+        shape=lambda width: (2,),
+        unit="ns",
+        digested=False,
+        description="Wall clock at the start, since the epoch, and wall time taken.",
+    ),
+    Column(
+        name="digest",
+        dtype="uint8",
+        shape=lambda width: (32,),
+        digested=False,
+        description="SHA-256 of the attempt's content, see digest.py.",
+    ),
+)
+"""Everything of an attempt but its pictures. Values that are read together share a column: a commit costs a few
+milliseconds for each array it touches."""
+
+
+def object_slots(objects_per_scene: int) -> int:
+    """Width of the per-object columns; at least one, because an array cannot have chunks of no width."""
+    return max(1, objects_per_scene)
+
+
+def attempt_id(session: str, number: int) -> str:
+    """The id of an attempt: its session's ULID and its number."""
+    return f"{session}-{number:06d}"
+
+
+def parse_attempt_id(text: str) -> tuple[str, int]:
+    """Split an attempt id into session and number.
+
+    Raises:
+        AttemptNotFoundError: The text is no attempt id.
+    """
+    session, _, number = text.rpartition("-")
+    if not session or not (number.isascii() and number.isdigit()) or attempt_id(session, int(number)) != text:
+        raise AttemptNotFoundError(f"attempt id is {text!r}, expected SESSION-NUMBER such as {attempt_id('01K…', 7)}")
+    return session, int(number)
+
+
+def create_arrays(session: zarr.Group, intrinsics: Intrinsics, objects_per_scene: int) -> None:
+    """Create the empty arrays of a session."""
+    for view in VIEWS:
+        group = session.create_group(view)
+        frame = (intrinsics.height, intrinsics.width)
+        _create(group, "rgb", dtype="uint8", row=(*frame, 3), rows=1, shuffle="bitshuffle")
+        _create(group, "depth", dtype="uint16", row=frame, rows=1, attributes={"unit": "depth_scale_m"})
+        _create(group, "pose_base_tool", dtype="float64", row=(4, 4), fill=_NAN, attributes={"unit": "m"})
+    attempts = session.create_group("attempts")
+    for column in COLUMNS:
+        _create(
+            attempts,
+            column.name,
+            dtype=column.dtype,
+            row=column.shape(object_slots(objects_per_scene)),
+            fill=column.fill,
+            attributes={"unit": column.unit, "description": column.description},
+        )
+
+
+def _create(
+    group: zarr.Group,
+    name: str,
+    *,
+    dtype: str,
+    row: tuple[int, ...],
+    rows: int = COLUMN_CHUNK_ROWS,
+    shuffle: Literal["shuffle", "bitshuffle"] = "shuffle",
+    fill: float | int | bool = 0,
+    attributes: dict[str, Any] | None = None,
+) -> None:
+    blosc = BloscCodec(typesize=np.dtype(dtype).itemsize, cname="zstd", clevel=3, shuffle=shuffle)
+    group.create_array(
+        name,
+        shape=(0, *row),
+        chunks=(rows, *row),
+        dtype=dtype,
+        compressors=(blosc, Crc32cCodec()),
+        fill_value=fill,
+        attributes=attributes,
+    )

@@ -1,0 +1,273 @@
+"""Recording a session: validated attempts in, commits out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+import zarr
+from numpy.typing import NDArray
+from ulid import ULID
+
+from handsight.datasets.address import DEFAULT_REF
+from handsight.datasets.digest import attempt_digest
+from handsight.datasets.engine import array_at, engine_errors, group_at, read_rows
+from handsight.datasets.errors import (
+    HeaderError,
+    RecordError,
+    SessionConflictError,
+    SessionNotFoundError,
+)
+from handsight.datasets.records import GraspAttempt, SessionHeader, Snapshot
+from handsight.datasets.repository import GraspRepository
+from handsight.datasets.rows import Row, snapshot_of, to_row
+from handsight.datasets.schema import (
+    COLUMN_CHUNK_ROWS,
+    COLUMNS,
+    SESSIONS,
+    VIEWS,
+    View,
+    attempt_id,
+    create_arrays,
+    object_slots,
+)
+from handsight.datasets.sessions import (
+    matching_sessions,
+    new_session_attributes,
+    open_attributes,
+    sealed_attributes,
+)
+from handsight.datasets.validation import attempt_faults, header_faults
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Pending:
+    """An appended attempt in memory of its own, ready to be written."""
+
+    row: Row
+    snapshots: dict[View, Snapshot | None]
+
+
+class SessionWriter:
+    """The one writer of a session.
+
+    Attempts are appended one by one and stored by :meth:`commit`, all of them in one snapshot. Until then they are
+    held in memory, about 3 MB for an attempt with two pictures of 640x480; commit every few dozen.
+
+    As a context manager it commits what is left on a clean exit. After an exception it drops what was appended since
+    the last commit, and nothing else.
+    """
+
+    def __init__(
+        self, repository: GraspRepository, header: SessionHeader, *, session: str, branch: str, stored: int
+    ) -> None:
+        self.repository = repository
+        self.header = header
+        self.session = session
+        self.branch = branch
+        self._stored = stored
+        self._pending: list[_Pending] = []
+        self._last_chunks: dict[str, NDArray[Any]] = {}
+
+    @classmethod
+    def begin(cls, repository: GraspRepository, header: SessionHeader, branch: str = DEFAULT_REF) -> SessionWriter:
+        """Start a new session. It shows in the dataset from the first commit on.
+
+        Raises:
+            HeaderError: The header cannot be recorded.
+            RefNotFoundError: There is no such branch.
+            SessionConflictError: The branch holds a session with the same source, seed and configuration, which
+                would record the same attempts. Sessions without a seed never repeat each other.
+        """
+        _check_header(header)
+        writer = cls(repository, header, session=str(ULID()), branch=branch, stored=0)
+        writer._refuse_repetition(_branch_root(repository, branch))
+        return writer
+
+    @classmethod
+    def resume(cls, repository: GraspRepository, header: SessionHeader, branch: str = DEFAULT_REF) -> SessionWriter:
+        """Go on with the latest session that has the header's source, seed and configuration.
+
+        A sealed session may be resumed too; it is open again from the next commit on.
+
+        Raises:
+            HeaderError: The header cannot be recorded.
+            RefNotFoundError: There is no such branch.
+            SessionNotFoundError: No session matches.
+        """
+        _check_header(header)
+        root = _branch_root(repository, branch)
+        matches = matching_sessions(root, header)
+        if not matches:
+            raise SessionNotFoundError(
+                f"branch {branch!r} of {repository.path} has no session of {header.station.source} with seed "
+                f"{header.seed} and this configuration to resume: start it without --resume"
+            )
+        session = matches[-1]
+        writer = cls(repository, session.header, session=session.ulid, branch=branch, stored=session.attempts)
+        start = _chunk_start(session.attempts)
+        for path in _column_paths():
+            array = array_at(root, f"{SESSIONS}/{session.ulid}/{path}")
+            writer._last_chunks[path] = read_rows(array, start, session.attempts)
+        return writer
+
+    @property
+    def next_number(self) -> int:
+        """The number that the next attempt must have."""
+        return self._stored + len(self._pending)
+
+    def append(self, attempt: GraspAttempt) -> str:
+        """Take an attempt, by copy, and return its id. It is stored by the next commit.
+
+        Raises:
+            RecordError: The attempt cannot be recorded; the message lists every fault and nothing has changed.
+        """
+        self.repository.check_process()
+        faults = attempt_faults(attempt, self.header)
+        if attempt.number != self.next_number:
+            faults.insert(0, f"number is {attempt.number}, expected {self.next_number}")
+        if faults:
+            raise RecordError(f"attempt {attempt.number} of session {self.session} is refused: {'; '.join(faults)}")
+        row = to_row(attempt, slots=object_slots(self.header.objects_per_scene))
+        digest = attempt_digest(attempt, self.header.station)
+        row["digest"] = np.frombuffer(digest, dtype=np.uint8)
+        snapshots = {view: _copy(snapshot_of(attempt, view)) for view in VIEWS}
+        self._pending.append(_Pending(row=row, snapshots=snapshots))
+        return attempt_id(self.session, attempt.number)
+
+    def commit(self, message: str = "") -> str | None:
+        """Store what was appended as one snapshot, durably, and return its id; None when there was nothing.
+
+        After an error nothing of it is stored, and what was appended is still there to be committed again.
+
+        Raises:
+            SessionConflictError: Another process went on with this session, or began the same.
+            StorageError: The disk is full or not writable.
+            DatasetBusyError: Another process held the commit lock for too long.
+        """
+        return self._commit(message, open_attributes()) if self._pending else None
+
+    def seal(self, message: str = "") -> str | None:
+        """Commit what is left and mark the session as complete. A session without attempts leaves no trace.
+
+        Raises:
+            SessionConflictError: As for :meth:`commit`; so are the other errors.
+        """
+        return self._commit(message, sealed_attributes()) if self.next_number else None
+
+    def __enter__(self) -> SessionWriter:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if kind is None:
+            self.commit()
+        self._pending.clear()
+
+    def _commit(self, message: str, attributes: dict[str, Any]) -> str:
+        added = len(self._pending)
+        if not message:
+            verb = "seal" if attributes["status"] == "sealed" else "record"
+            message = f"{verb} session {self.session}, {added} attempt{'' if added == 1 else 's'}"
+        change = self.repository.writable(self.branch)
+        with engine_errors(f"cannot write to {self.repository.path}"):
+            group = self._open_group(zarr.open_group(change.store, mode="r+"))
+            group.update_attributes(attributes)
+            last_chunks = self._write_columns(group) if added else self._last_chunks
+            self._write_pictures(group)
+        snapshot_id = self.repository.commit(
+            change,
+            branch=self.branch,
+            message=message,
+            metadata={"attempts_added": added, "session": self.session},
+            check=None if self._stored else self._refuse_repetition,
+        )
+        self._stored += added
+        self._last_chunks = last_chunks
+        self._pending.clear()
+        return snapshot_id
+
+    def _open_group(self, root: zarr.Group) -> zarr.Group:
+        """The session's group; created by the first commit, so that an aborted start leaves nothing behind."""
+        if not self._stored:
+            group = group_at(root, SESSIONS).create_group(self.session, attributes=new_session_attributes(self.header))
+            create_arrays(group, self.header.station.camera.intrinsics, self.header.objects_per_scene)
+            return group
+        group = group_at(root, f"{SESSIONS}/{self.session}")
+        found = array_at(group, "attempts/number").shape[0]
+        if found != self._stored:
+            raise SessionConflictError(
+                f"session {self.session} has {found} attempts, this writer knows of {self._stored}: another process "
+                "went on with it; stop one of the two, then go on with --resume"
+            )
+        return group
+
+    def _write_columns(self, group: zarr.Group) -> dict[str, NDArray[Any]]:
+        """Append a block to every column; returns the rows of each column's last chunk."""
+        blocks = {f"attempts/{column.name}": [one.row[column.name] for one in self._pending] for column in COLUMNS}
+        for view in VIEWS:
+            blocks[f"{view}/pose_base_tool"] = [_pose(one.snapshots[view]) for one in self._pending]
+        start, stop = _chunk_start(self._stored), self.next_number
+        last_chunks = {}
+        for path, block in blocks.items():
+            # Whole chunks from memory: a partial write would first read the last chunk back, at twice the time.
+            rows = np.concatenate([self._last_chunks[path], block]) if self._stored else np.stack(block)
+            array = array_at(group, path)
+            array.resize((stop, *array.shape[1:]))
+            array[start:] = rows
+            last_chunks[path] = rows[_chunk_start(stop) - start :]
+        return last_chunks
+
+    def _write_pictures(self, group: zarr.Group) -> None:
+        """Append the frames; zarr compresses them on all cores. A frame never taken stays a fill value."""
+        for view in VIEWS:
+            for name in ("rgb", "depth"):
+                array = array_at(group, f"{view}/{name}")
+                array.resize((self.next_number, *array.shape[1:]))
+                frames = np.zeros((len(self._pending), *array.shape[1:]), dtype=array.dtype)
+                for frame, one in zip(frames, self._pending, strict=True):
+                    snapshot = one.snapshots[view]
+                    if snapshot is not None:
+                        frame[:] = getattr(snapshot, name)
+                array[self._stored :] = frames
+
+    def _refuse_repetition(self, root: zarr.Group) -> None:
+        if self.header.seed is None:
+            return
+        for session in matching_sessions(root, self.header):
+            raise SessionConflictError(
+                f"branch {self.branch!r} of {self.repository.path} already holds session {session.ulid} of "
+                f"{session.header.station.source} with seed {self.header.seed} and this configuration "
+                f"({session.attempts} attempts): go on with it by --resume, or choose another seed"
+            )
+
+
+def _check_header(header: SessionHeader) -> None:
+    faults = header_faults(header)
+    if faults:
+        raise HeaderError(f"the session header is refused: {'; '.join(faults)}")
+
+
+def _branch_root(repository: GraspRepository, branch: str) -> zarr.Group:
+    return zarr.open_group(repository.writable(branch).store, mode="r+")
+
+
+def _column_paths() -> list[str]:
+    return [f"attempts/{column.name}" for column in COLUMNS] + [f"{view}/pose_base_tool" for view in VIEWS]
+
+
+def _chunk_start(row: int) -> int:
+    return row - row % COLUMN_CHUNK_ROWS
+
+
+def _pose(snapshot: Snapshot | None) -> NDArray[np.float64]:
+    return np.full((4, 4), np.nan) if snapshot is None else snapshot.pose_base_tool
+
+
+def _copy(snapshot: Snapshot | None) -> Snapshot | None:
+    if snapshot is None:
+        return None
+    return Snapshot(rgb=snapshot.rgb.copy(), depth=snapshot.depth.copy(), pose_base_tool=snapshot.pose_base_tool.copy())
