@@ -1,0 +1,161 @@
+"""Collecting a session: attempts from any number of workers, one writer, commits as it goes.
+
+Attempt i of a simulated session depends on (session seed, i) alone. The writer stores attempts in order, so a session
+cut off at any moment is a prefix of the whole one, and going on with it ends in the same bytes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field
+from functools import partial
+from typing import Protocol
+
+from handsight.collection.attempt import attempt_seed, run_attempt
+from handsight.collection.errors import CollectionSettingsError, WorkerDiedError
+from handsight.collection.policy import UniformPolicy
+from handsight.collection.station import Station
+from handsight.collection.workers import answers_in_order
+from handsight.datasets import GraspRepository, SessionHeader, SessionWriter
+from handsight.datasets.errors import SessionNotFoundError
+from handsight.datasets.records import GraspAttempt, StationCard
+
+
+class SeededStationFactory(Protocol):
+    """Opens equal stations in any process; describes them without opening one."""
+
+    @property
+    def card(self) -> StationCard:
+        """The card that every station it opens will show."""
+
+    @property
+    def objects_per_scene(self) -> int:
+        """Largest number of objects in a scene."""
+
+    def settings(self) -> dict[str, object]:
+        """The station's resolved settings, as JSON values."""
+
+    def __call__(self) -> Station:
+        """Open a station."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CollectSettings:
+    """How much to collect, and how."""
+
+    attempts: int
+    """Length of the session, what a resumed one already holds included."""
+    seed: int = 0
+    workers: int = 2
+    commit_every: int = 32
+    """Attempts that an interruption can cost at most."""
+    policy: UniformPolicy = field(default_factory=UniformPolicy)
+    pregrasp_picture: bool = False
+    """Also take a picture at the pre-grasp pose. The paper trains on the overhead one alone (section III-B)."""
+
+    def __post_init__(self) -> None:
+        faults = [
+            f"{name} is {value}, expected {least} or more"
+            for name, value, least in (
+                ("attempts", self.attempts, 1),
+                ("seed", self.seed, 0),
+                ("workers", self.workers, 1),
+                ("commit_every", self.commit_every, 1),
+            )
+            if value < least
+        ]
+        if faults:
+            raise CollectionSettingsError("; ".join(faults))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CollectReport:
+    """What a call of :func:`collect` did."""
+
+    session: str
+    resumed_from: int
+    """Attempts that the session already held."""
+    attempts: int
+    """Attempts that it holds now."""
+    successes: int
+    """Successes among those added by this call."""
+
+
+def session_header(factory: SeededStationFactory, settings: CollectSettings) -> SessionHeader:
+    """The provenance that a session with these settings records."""
+    return SessionHeader(
+        station=factory.card,
+        seed=settings.seed,
+        objects_per_scene=factory.objects_per_scene,
+        config={
+            "station": factory.settings(),
+            "pregrasp_picture": settings.pregrasp_picture,
+            "policy": {"name": type(settings.policy).__name__, **asdict(settings.policy)},
+        },
+    )
+
+
+def collect(
+    repository: GraspRepository,
+    factory: SeededStationFactory,
+    settings: CollectSettings,
+    *,
+    resume: bool = False,
+    on_attempt: Callable[[GraspAttempt, int], None] | None = None,
+) -> CollectReport:
+    """Collect a simulated session into ``repository``.
+
+    Args:
+        repository: Where to.
+        factory: The station.
+        settings: How much.
+        resume: Go on with the session of this seed and configuration where there is one.
+        on_attempt: Called with every attempt once it is appended, and the number that the session then holds.
+
+    Raises:
+        SessionConflictError: The dataset already holds this session and ``resume`` is not set.
+        WorkerDiedError: A worker died; what was committed stays.
+        KeyboardInterrupt: Passed on after what was finished has been committed.
+    """
+    writer = _open_writer(repository, session_header(factory, settings), resume=resume)
+    resumed_from = writer.next_number
+    work = partial(_attempt, settings=settings)
+    numbers = range(resumed_from, settings.attempts)
+    successes = 0
+    try:
+        for attempt in answers_in_order(factory, work, numbers, workers=settings.workers):
+            writer.append(attempt)
+            successes += attempt.labelled and bool(attempt.outcome)
+            if on_attempt is not None:
+                on_attempt(attempt, writer.next_number)
+            if writer.next_number % settings.commit_every == 0:
+                writer.commit()
+    except (KeyboardInterrupt, WorkerDiedError):
+        # Whole attempts are worth keeping: a resumed session goes on right behind them.
+        writer.commit()
+        raise
+    if resumed_from < settings.attempts:
+        writer.seal()
+    return CollectReport(
+        session=writer.session, resumed_from=resumed_from, attempts=writer.next_number, successes=successes
+    )
+
+
+def _open_writer(repository: GraspRepository, header: SessionHeader, *, resume: bool) -> SessionWriter:
+    if resume:
+        try:
+            return SessionWriter.resume(repository, header)
+        except SessionNotFoundError:
+            # Cut off before its first commit, or never begun: both mean to begin.
+            pass
+    return SessionWriter.begin(repository, header)
+
+
+def _attempt(station: Station, number: int, *, settings: CollectSettings) -> GraspAttempt:
+    return run_attempt(
+        station,
+        settings.policy,
+        number,
+        attempt_seed(settings.seed, number),
+        pregrasp_picture=settings.pregrasp_picture,
+    )

@@ -1,0 +1,50 @@
+"""Errors of the collection room.
+
+CollectionError
+├── PhaseError (RuntimeError)            a phase of an attempt did not complete; recorded, the session goes on
+│   ├── UnreachableError                 the commanded pose is outside the arm's reach
+│   └── PhaseAbortedError                the station stopped the phase and says why
+├── CollectionSettingsError (ValueError) how much or how to collect makes no sense
+├── ObjectSetError (ValueError)          unknown object set, or one that cannot be used
+├── StationSettingsError (ValueError)    settings that describe no usable station
+└── WorkerDiedError (RuntimeError)       a worker process ended without an answer
+"""
+
+from __future__ import annotations
+
+
+class CollectionError(Exception):
+    """Base of every error raised in ``handsight.collection``."""
+
+
+class PhaseError(CollectionError, RuntimeError):
+    """A phase of an attempt did not complete."""
+
+    def __init__(self, phase: str, reason: str) -> None:
+        super().__init__(f"{phase}: {reason}")
+        self.phase = phase
+        self.reason = reason
+
+
+class UnreachableError(PhaseError):
+    """The commanded pose is outside the arm's reach."""
+
+
+class PhaseAbortedError(PhaseError):
+    """The station stopped the phase and says why."""
+
+
+class CollectionSettingsError(CollectionError, ValueError):
+    """How much or how to collect makes no sense."""
+
+
+class ObjectSetError(CollectionError, ValueError):
+    """Unknown object set, or one that cannot be used."""
+
+
+class StationSettingsError(CollectionError, ValueError):
+    """Settings that describe no usable station."""
+
+
+class WorkerDiedError(CollectionError, RuntimeError):
+    """A worker process ended without an answer."""

@@ -1,0 +1,75 @@
+"""Settings of the simulated station, with the paper's section V-B as the default."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+from handsight.collection.errors import StationSettingsError
+from handsight.collection.station import Workspace
+from handsight.servoing.camera import HandCamera, Intrinsics
+
+D435_COLOUR_FOV_Y_RAD = math.radians(42.5)
+"""Vertical field of view of the D435's colour sensor (datasheet: 69 x 42 degrees); the 640x480 mode crops its sides."""
+
+D435_ON_GRIPPER = HandCamera(
+    intrinsics=Intrinsics.from_vertical_fov(width=640, height=480, fov_y_rad=D435_COLOUR_FOV_Y_RAD),
+    x_tool_camera_m=0.0,
+    y_tool_camera_m=-0.055,
+    z_tool_camera_m=-0.10,
+)
+"""A D435 clamped to the wrist in front of the gripper. The fingers stay out of the picture."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SimConfig:
+    """Everything that, with a seed, determines a simulated attempt."""
+
+    objects: str = "blocks-train"
+    """Object set; see ``handsight objects ls``."""
+    objects_per_scene: int = 5
+    drop_height_m: float = 0.15
+    overhead_height_m: float = 0.5
+    pregrasp_height_m: float = 0.4
+    lift_height_m: float = 0.25
+    table_height_m: float = 0.005
+    """Where the fingertips stop when nothing touched them: just above the table, as a rig must."""
+    contact_force_n: float = 10.0
+    """Upward force on the gripper that counts as contact and ends the descent."""
+    shakes: int = 0
+    """Shakes after the lift. Section III-B has three, the simulated experiments of V-B none."""
+    workspace: Workspace = field(
+        default_factory=lambda: Workspace(x_min_m=0.5, x_max_m=0.8, y_min_m=-0.15, y_max_m=0.15)
+    )
+    camera: HandCamera = D435_ON_GRIPPER
+    depth_scale_m: float = 0.001
+    gripper_stroke_m: float = 0.085
+    closed_width_m: float = 0.002
+    """Openings up to this count as fully closed: object thickness that the jaws cannot resolve."""
+    grip_force_n: float = 40.0
+    finger_friction: float = 1.3
+    """Lateral friction of the fingertips on objects of friction 1 (paper, section V-B)."""
+    physics_hz: int = 240
+    solver_iterations: int = 50
+    settle_limit_s: float = 5.0
+
+    def __post_init__(self) -> None:
+        faults = []
+        if self.objects_per_scene < 1:
+            faults.append(f"objects_per_scene is {self.objects_per_scene}, expected at least 1")
+        if self.shakes < 0:
+            faults.append(f"shakes is {self.shakes}, expected 0 or more")
+        if not 0 <= self.table_height_m < self.lift_height_m < self.pregrasp_height_m <= self.overhead_height_m:
+            faults.append(
+                f"heights are table {self.table_height_m}, lift {self.lift_height_m}, pre-grasp "
+                f"{self.pregrasp_height_m}, overhead {self.overhead_height_m} m, expected ascending"
+            )
+        if not 0 < self.closed_width_m < self.gripper_stroke_m:
+            faults.append(f"closed_width_m is {self.closed_width_m}, expected between 0 and {self.gripper_stroke_m}")
+        if self.physics_hz < 60 or self.solver_iterations < 1:
+            faults.append(
+                f"physics runs at {self.physics_hz} Hz with {self.solver_iterations} iterations, "
+                "expected at least 60 Hz and 1 iteration"
+            )
+        if faults:
+            raise StationSettingsError("; ".join(faults))

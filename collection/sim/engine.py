@@ -1,0 +1,49 @@
+"""PyBullet, imported in one place and without its chatter.
+
+Its C code prints a build line to standard error when it is imported and a line to standard output for every engine,
+which would corrupt ``--json`` output. Errors still get through: the streams are back as soon as the call is done.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import os
+import sys
+from collections.abc import Iterator
+
+_flush_c_streams = ctypes.CDLL(None).fflush
+
+
+@contextlib.contextmanager
+def _quiet() -> Iterator[None]:
+    """Send what C code prints to nowhere until the block ends."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    _flush_c_streams(None)
+    saved = [(descriptor, os.dup(descriptor)) for descriptor in (1, 2)]
+    sink = os.open(os.devnull, os.O_WRONLY)
+    try:
+        for descriptor, _ in saved:
+            os.dup2(sink, descriptor)
+        yield
+    finally:
+        # C buffers its output: without a flush it would come out after the streams are back.
+        _flush_c_streams(None)
+        for descriptor, copy in saved:
+            os.dup2(copy, descriptor)
+            os.close(copy)
+        os.close(sink)
+
+
+with _quiet():
+    import pybullet
+    from pybullet_utils.bullet_client import BulletClient
+
+__all__ = ["BulletClient", "connect", "pybullet"]
+
+
+def connect() -> BulletClient:
+    """A headless physics engine of its own."""
+    with _quiet():
+        return BulletClient(pybullet.DIRECT)

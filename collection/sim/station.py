@@ -1,0 +1,226 @@
+"""The simulated station: UR10, parallel gripper, hand camera and a table in PyBullet.
+
+Every attempt starts from an empty engine, so an attempt depends on its random generator alone and not on what the
+worker did before: this is what makes attempts re-simulable bit for bit. Reloading the arm costs 6 ms.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from handsight.collection.errors import ObjectSetError, PhaseAbortedError
+from handsight.collection.sim.arm import Arm
+from handsight.collection.sim.arm_model import temporary_arm_urdf
+from handsight.collection.sim.camera import render
+from handsight.collection.sim.config import SimConfig
+from handsight.collection.sim.engine import connect
+from handsight.collection.sim.objects import load_object_set
+from handsight.collection.sim.scene import Scene
+from handsight.collection.sim.table import add_table, wooden_table
+from handsight.collection.station import Descent, Workspace
+from handsight.datasets.records import SceneObjects, Snapshot, StationCard
+from handsight.servoing.planar import PlanarPose
+
+CLOSE_SPEED_M_S = 0.1
+CLOSE_LIMIT_S = 1.0
+STALLED_SPEED_M_S = 0.002
+STALLED_TICKS = 6
+TABLE_SEED = 0
+SHAKE_AMPLITUDE_M = 0.03
+HELD_HEIGHT_M = 0.05
+"""An object whose centre is this far above the table after the lift, 0.25 m up, is held in truth."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SimStationFactory:
+    """Opens simulated stations in whichever process calls it."""
+
+    config: SimConfig
+
+    @property
+    def card(self) -> StationCard:
+        """The card of every station it opens."""
+        return StationCard(
+            source="sim",
+            camera=self.config.camera,
+            depth_scale_m=self.config.depth_scale_m,
+            gripper_stroke_m=self.config.gripper_stroke_m,
+            closed_width_m=self.config.closed_width_m,
+            pregrasp_height_m=self.config.pregrasp_height_m,
+            objects=tuple(model.object_id for model in load_object_set(self.config.objects)),
+        )
+
+    @property
+    def objects_per_scene(self) -> int:
+        """Objects dropped in every scene."""
+        return self.config.objects_per_scene
+
+    def settings(self) -> dict[str, object]:
+        """The resolved configuration, as JSON values."""
+        return asdict(self.config)
+
+    def __call__(self) -> SimStation:
+        """Start an engine."""
+        return SimStation(self.config)
+
+
+class SimStation:
+    """A :class:`~handsight.collection.station.Station` in simulation."""
+
+    def __init__(self, config: SimConfig) -> None:
+        """Start an engine of its own.
+
+        Raises:
+            ObjectSetError: unknown object set, or fewer objects in it than a scene needs.
+        """
+        self._config = config
+        self._models = load_object_set(config.objects)
+        if len(self._models) < config.objects_per_scene:
+            raise ObjectSetError(
+                f"object set {config.objects!r} has {len(self._models)} objects, "
+                f"expected at least the {config.objects_per_scene} of a scene"
+            )
+        self._card = SimStationFactory(config=config).card
+        self._folder, self._arm_urdf = temporary_arm_urdf()
+        self._table = wooden_table(np.random.default_rng(TABLE_SEED))
+        self._engine = connect()
+        self._ticks = 0
+
+    @property
+    def card(self) -> StationCard:
+        """What stays fixed during a session."""
+        return self._card
+
+    @property
+    def workspace(self) -> Workspace:
+        """Where objects are dropped."""
+        return self._config.workspace
+
+    @property
+    def clock_s(self) -> float:
+        """Simulated time since the scene was made [s]."""
+        return self._ticks / self._config.physics_hz
+
+    @property
+    def width_m(self) -> float:
+        """Opening between the jaws now [m]."""
+        return self._arm.width_m
+
+    def prepare(self, rng: np.random.Generator) -> SceneObjects:
+        """Drop new objects and let them come to rest; the arm stands at the overhead pose."""
+        self._reset_engine()
+        chosen = rng.choice(len(self._models), size=self._config.objects_per_scene, replace=False)
+        self._scene.drop([self._models[index] for index in chosen], rng)
+        self._ticks += self._scene.settle()
+        poses = self._scene.poses()
+        return SceneObjects(
+            catalogue_index=chosen.astype(np.int16), pose_base_object=poses, target=self._choose_target(poses, rng)
+        )
+
+    def _reset_engine(self) -> None:
+        engine = self._engine
+        engine.resetSimulation()
+        engine.setGravity(0, 0, -9.81)
+        engine.setPhysicsEngineParameter(
+            fixedTimeStep=1 / self._config.physics_hz,
+            numSolverIterations=self._config.solver_iterations,
+            deterministicOverlappingPairs=1,
+        )
+        self._ticks = 0
+        add_table(engine)
+        self._arm = Arm(engine, self._arm_urdf, self._config)
+        overhead = PlanarPose(x_m=self._centre[0], y_m=self._centre[1], angle_rad=0.0)
+        self._arm.place(overhead.pose_base_tool(self._config.overhead_height_m))
+        self._scene = Scene(engine, self._config)
+
+    @property
+    def _centre(self) -> tuple[float, float]:
+        area = self._config.workspace
+        return 0.5 * (area.x_min_m + area.x_max_m), 0.5 * (area.y_min_m + area.y_max_m)
+
+    def _choose_target(self, poses: NDArray[np.float64], rng: np.random.Generator) -> int:
+        area = self._config.workspace
+        inside = [
+            index
+            for index, (x_m, y_m) in enumerate(poses[:, :2])
+            if area.x_min_m <= x_m <= area.x_max_m and area.y_min_m <= y_m <= area.y_max_m
+        ]
+        if not inside:
+            raise PhaseAbortedError("settle", "every object rolled out of the workspace")
+        return int(rng.choice(inside))
+
+    def look(self) -> Snapshot:
+        """Render the hand camera."""
+        pose_base_tool = self._arm.pose_base_tool
+        rgb, depth = render(
+            self._engine,
+            self._table,
+            self._config.camera,
+            pose_base_tool,
+            depth_scale_m=self._config.depth_scale_m,
+        )
+        return Snapshot(rgb=rgb, depth=depth, pose_base_tool=pose_base_tool)
+
+    def reach(self, pose: PlanarPose) -> None:
+        """Move to ``pose`` at the pre-grasp height."""
+        self._arm.move_joints(pose.pose_base_tool(self._config.pregrasp_height_m), self._step, phase="reach")
+
+    def descend(self) -> Descent:
+        """Straight down to table height or until contact."""
+        goal = self._arm.pose_base_tool
+        goal[2, 3] = self._config.table_height_m
+        force_n = 0.0
+
+        def touched() -> bool:
+            nonlocal force_n
+            force_n = self._arm.upward_force_n
+            return force_n >= self._config.contact_force_n
+
+        stopped = self._arm.move_line(goal, self._step, phase="descend", stop=touched)
+        return Descent(contact_force_n=force_n if stopped else 0.0, pose_base_tool=self._arm.pose_base_tool)
+
+    def close_gripper(self) -> float:
+        """Close until the jaws stall or meet."""
+        self._arm.drive_fingers(opening_m_s=-CLOSE_SPEED_M_S)
+        stalled = 0
+        for _ in range(round(CLOSE_LIMIT_S * self._config.physics_hz)):
+            self._step()
+            stalled = stalled + 1 if self._arm.finger_speed_m_s < STALLED_SPEED_M_S else 0
+            if stalled >= STALLED_TICKS:
+                break
+        return self._arm.width_m
+
+    def lift(self) -> float:
+        """Raise the tool to the lift height."""
+        goal = self._arm.pose_base_tool
+        goal[2, 3] = self._config.lift_height_m
+        self._arm.move_line(goal, self._step, phase="lift")
+        return self._arm.width_m
+
+    def shake(self) -> float:
+        """Shake along the tool's y axis, across the grip, as often as configured."""
+        rest = self._arm.pose_base_tool
+        for _ in range(self._config.shakes):
+            for offset_m in (SHAKE_AMPLITUDE_M, -SHAKE_AMPLITUDE_M):
+                goal = rest.copy()
+                goal[:3, 3] += offset_m * rest[:3, 1]
+                self._arm.move_line(goal, self._step, phase="shake")
+        self._arm.move_line(rest, self._step, phase="shake")
+        return self._arm.width_m
+
+    def held_in_truth(self) -> bool:
+        """Whether some object is above the table, gripper lifted."""
+        return bool((self._scene.poses()[:, 2] > HELD_HEIGHT_M).any())
+
+    def _step(self) -> None:
+        self._engine.stepSimulation()
+        self._ticks += 1
+
+    def close(self) -> None:
+        """Stop the engine and delete its temporary files."""
+        self._engine.disconnect()
+        self._folder.cleanup()
+

@@ -1,0 +1,92 @@
+"""The seam between what attempts grasps and what records them.
+
+A station is a robot with a camera and a gripper over a table, simulated or real. Each method is one phase of the
+paper's cycle (sections III-B and V-B); each may fail, and then raises a :class:`~.errors.PhaseError` that says which
+phase and why. Nothing here assumes that scenes can be reset, that truth is known, or that time is cheap.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from handsight.datasets.records import SceneObjects, Snapshot, StationCard
+from handsight.servoing.planar import PlanarPose
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Workspace:
+    """The part of the table where objects lie, in the base frame [m]."""
+
+    x_min_m: float
+    x_max_m: float
+    y_min_m: float
+    y_max_m: float
+
+    def sample(self, rng: np.random.Generator) -> tuple[float, float]:
+        """A uniformly drawn point (x, y) [m]."""
+        return float(rng.uniform(self.x_min_m, self.x_max_m)), float(rng.uniform(self.y_min_m, self.y_max_m))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Descent:
+    """How the vertical descent ended."""
+
+    contact_force_n: float
+    """Upward force on the gripper that ended it [N]; 0 when it ended at table height."""
+    pose_base_tool: NDArray[np.float64]
+    """Measured tool pose where it ended. Shape (4, 4)."""
+
+
+class Station(Protocol):
+    """One robot, ready to attempt grasps."""
+
+    @property
+    def card(self) -> StationCard:
+        """What stays fixed during a session."""
+
+    @property
+    def workspace(self) -> Workspace:
+        """Where objects may lie."""
+
+    @property
+    def clock_s(self) -> float:
+        """The station's own time [s]: simulated time, or the robot controller's."""
+
+    @property
+    def width_m(self) -> float:
+        """Opening between the jaws now [m]."""
+
+    def prepare(self, rng: np.random.Generator) -> SceneObjects | None:
+        """Ready a new scene with the arm at the pre-set overhead pose.
+
+        A simulated station drops fresh objects and returns where they came to rest; a rig homes and returns None.
+        """
+
+    def look(self) -> Snapshot:
+        """Take an RGB-D picture from where the camera is."""
+
+    def reach(self, pose: PlanarPose) -> None:
+        """Move to a pre-grasp pose at the station's pre-grasp height."""
+
+    def descend(self) -> Descent:
+        """Go straight down to table height or until contact."""
+
+    def close_gripper(self) -> float:
+        """Close the jaws and return their opening [m]."""
+
+    def lift(self) -> float:
+        """Raise the tool to the lift height and return the jaws' opening [m]."""
+
+    def shake(self) -> float:
+        """Shake the tool three times and return the jaws' opening [m]."""
+
+    def held_in_truth(self) -> bool | None:
+        """Whether an object is really held above the table; None where nobody can tell."""
+
+    def close(self) -> None:
+        """Release the station; it cannot be used afterwards."""
+
