@@ -1,0 +1,18 @@
+"""Errors of the evaluation room.
+
+EvaluationError
+├── UnknownMethodError (ValueError)        no servo method of that name
+└── EvaluationSettingsError (ValueError)   settings out of range
+"""
+
+
+class EvaluationError(Exception):
+    """Base of every error raised in ``handsight.evaluation``."""
+
+
+class UnknownMethodError(EvaluationError, ValueError):
+    """No servo method has that name."""
+
+
+class EvaluationSettingsError(EvaluationError, ValueError):
+    """Settings out of range."""

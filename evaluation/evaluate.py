@@ -1,0 +1,120 @@
+"""Comparing servo methods on the same trials, on any number of processes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Protocol
+
+import torch
+
+from handsight.collection.station import Station
+from handsight.collection.workers import answers_in_order
+from handsight.evaluation.errors import EvaluationSettingsError
+from handsight.evaluation.methods import RANDOM, check_methods
+from handsight.evaluation.trial import Trial, TrialRecording, run_trial
+from handsight.servoing.loop import ServoSettings
+from handsight.servoing.objective import ScoreInputs
+from handsight.training.run import load_scorer
+
+
+class OpensStation(Protocol):
+    """Opens equal stations in any process; must survive pickling."""
+
+    def __call__(self) -> Station:
+        """Open a station."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EvaluationSettings:
+    """What to compare."""
+
+    methods: tuple[str, ...]
+    trials: int
+    """Trials of each method; trial i begins alike for all of them."""
+    seed: int = 1_000_000
+    """Apart from the seeds of collected data, so that evaluation scenes are new."""
+    workers: int = 2
+    servo: ServoSettings = field(default_factory=ServoSettings)
+
+    def __post_init__(self) -> None:
+        check_methods(self.methods)
+        faults = [
+            f"{name} is {value}, expected {least} or more"
+            for name, value, least in (
+                ("trials", self.trials, 1),
+                ("seed", self.seed, 0),
+                ("workers", self.workers, 1),
+            )
+            if value < least
+        ]
+        if faults:
+            raise EvaluationSettingsError("; ".join(faults))
+
+
+@dataclass(frozen=True, slots=True)
+class Bench:
+    """What a worker holds: a station and a network."""
+
+    station: Station
+    score_inputs: ScoreInputs
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BenchFactory:
+    """Opens a bench in a worker process."""
+
+    open_station: OpensStation
+    run: Path
+    """Folder of the trained run."""
+
+    def __call__(self) -> Bench:
+        """Open the station and load the network.
+
+        One thread each: several workers with several threads would only wait for each other.
+        """
+        torch.set_num_threads(1)
+        return Bench(self.open_station(), load_scorer(self.run))
+
+
+def evaluate(
+    factory: BenchFactory, settings: EvaluationSettings, *, on_trial: Callable[[Trial], None] | None = None
+) -> list[Trial]:
+    """Run every trial with every method; the results do not depend on the number of workers.
+
+    Raises:
+        WorkerDiedError: A worker process died.
+    """
+    tasks = [(number, method) for number in range(settings.trials) for method in settings.methods]
+    work = partial(_trial, seed=settings.seed, servo=settings.servo)
+    trials = []
+    for trial in answers_in_order(factory, work, tasks, workers=settings.workers):
+        trials.append(trial)
+        if on_trial is not None:
+            on_trial(trial)
+    return trials
+
+
+def record_trial(
+    factory: BenchFactory, method: str, number: int, *, seed: int, servo: ServoSettings
+) -> TrialRecording | None:
+    """Run one trial again in this process and keep everything seen; None when it failed before servoing."""
+    bench = factory()
+    try:
+        _, recording = run_trial(bench.station, bench.score_inputs, method, number, seed=seed, settings=servo)
+    finally:
+        bench.station.close()
+    return recording
+
+
+def _trial(bench: Bench, task: tuple[int, str], *, seed: int, servo: ServoSettings) -> Trial:
+    number, method = task
+    scorer = None if method == RANDOM else bench.score_inputs
+    return run_trial(bench.station, scorer, method, number, seed=seed, settings=servo)[0]
+
+
+def method_names(text: str) -> Sequence[str]:
+    """The comma-separated names of ``--methods``."""
+    return check_methods([name.strip() for name in text.split(",") if name.strip()])

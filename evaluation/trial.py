@@ -1,0 +1,117 @@
+"""One evaluation trial: a fresh scene, a random pre-grasp pose, a servo method, the fixed grasp (section V-B.2)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from handsight.collection.attempt import AttemptProgress, AttemptStreams, attempt_seed, begin_attempt, execute_grasp
+from handsight.collection.attempt import is_held
+from handsight.collection.errors import PhaseError, UnreachableError
+from handsight.collection.policy import UniformPolicy
+from handsight.collection.station import Station
+from handsight.datasets.materialize import station_view
+from handsight.datasets.records import SceneObjects, Snapshot, StationCard
+from handsight.evaluation.methods import SERVO_METHODS
+from handsight.servoing.loop import ServoSettings, ServoTrace, servo
+from handsight.servoing.objective import ScoreInputs
+from handsight.servoing.planar import PlanarPose
+from handsight.servoing.view import View
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trial:
+    """What happened in one trial."""
+
+    number: int
+    method: str
+    success: bool
+    """The label: gripper not fully closed after the lift. False when a phase failed."""
+    failure: str
+    """Empty, or the phase that failed and why."""
+    moves: int
+    """Servo moves before the grasp; 0 for random grasps."""
+    compute_s: float
+    """Mean time per servo step from picture to decision, without camera and robot [s]; NaN for random grasps."""
+    truth_held: bool | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrialRecording:
+    """A trial with everything seen, for looking at it."""
+
+    trial: Trial
+    trace: ServoTrace
+    station: StationCard
+    scene: SceneObjects | None
+    overhead: Snapshot
+    pregrasp_height_m: float
+
+
+def run_trial(
+    station: Station,
+    score_inputs: ScoreInputs | None,
+    method: str,
+    number: int,
+    *,
+    seed: int,
+    settings: ServoSettings,
+) -> tuple[Trial, TrialRecording | None]:
+    """Run trial ``number``; trials of equal seed and number begin alike, whatever the method.
+
+    Returns:
+        The result, and what was seen if there was servoing.
+    """
+    progress = AttemptProgress(station=station)
+    streams = AttemptStreams.from_seed(attempt_seed(seed, number))
+    trace: ServoTrace | None = None
+    failure = ""
+    try:
+        begin_attempt(progress, UniformPolicy(), streams)
+        if score_inputs is not None and method in SERVO_METHODS:
+            trace = _servo(station, score_inputs, method, settings, streams.servo)
+        execute_grasp(progress)
+    except PhaseError as error:
+        failure = str(error)
+    trial = Trial(
+        number=number,
+        method=method,
+        success=not failure and is_held(progress.final_m, station.card.closed_width_m),
+        failure=failure,
+        moves=trace.moves if trace else 0,
+        compute_s=float(np.mean([step.compute_s for step in trace.steps])) if trace else float("nan"),
+        truth_held=None if failure else station.held_in_truth(),
+    )
+    return trial, _recording(progress, trial, trace)
+
+
+def _servo(
+    station: Station, score_inputs: ScoreInputs, method: str, settings: ServoSettings, rng: np.random.Generator
+) -> ServoTrace:
+    def look() -> tuple[View, PlanarPose]:
+        snapshot = station.look()
+        return station_view(snapshot, station.card), PlanarPose.from_pose_base_tool(snapshot.pose_base_tool)
+
+    def move(pose: PlanarPose) -> bool:
+        try:
+            station.reach(pose)
+        except UnreachableError:
+            return False
+        return True
+
+    return servo(look, move, score_inputs, SERVO_METHODS[method], name=method, settings=settings, rng=rng)
+
+
+def _recording(progress: AttemptProgress, trial: Trial, trace: ServoTrace | None) -> TrialRecording | None:
+    if trace is None or progress.overhead is None:
+        return None
+    card = progress.station.card
+    return TrialRecording(
+        trial=trial,
+        trace=trace,
+        station=card,
+        scene=progress.scene,
+        overhead=progress.overhead,
+        pregrasp_height_m=card.pregrasp_height_m,
+    )

@@ -1,0 +1,28 @@
+"""Errors of the training room.
+
+TrainingError
+├── NetworkSettingsError (ValueError)   a network that cannot be built
+├── TrainerSettingsError (ValueError)   training settings out of range
+├── TrainingDataError (ValueError)      a dataset from which nothing can be learnt
+└── CheckpointError (ValueError)        a run folder that holds no usable checkpoint
+"""
+
+
+class TrainingError(Exception):
+    """Base of every error raised in ``handsight.training``."""
+
+
+class NetworkSettingsError(TrainingError, ValueError):
+    """A network that cannot be built."""
+
+
+class TrainerSettingsError(TrainingError, ValueError):
+    """Training settings out of range."""
+
+
+class TrainingDataError(TrainingError, ValueError):
+    """A dataset from which nothing can be learnt."""
+
+
+class CheckpointError(TrainingError, ValueError):
+    """A run folder that holds no usable checkpoint."""

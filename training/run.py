@@ -1,0 +1,131 @@
+"""A training run on disk: weights, and everything needed to know where they come from."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from safetensors import SafetensorError
+from safetensors.torch import load_file, save_file
+
+from handsight import __version__
+from handsight.servoing.homography import InputGrid
+from handsight.training.errors import CheckpointError
+from handsight.training.gqn import GqnConfig, GraspQualityNetwork, Scorer
+from handsight.training.trainer import Epoch, TrainSettings
+
+RUN_VERSION = 1
+WEIGHTS = "model.safetensors"
+CARD = "run.json"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DataOrigin:
+    """What a network was trained on."""
+
+    dataset: str
+    """Path of the dataset, as given."""
+    ref: str
+    snapshot: str
+    digest: str
+    view: str
+    """Which recorded picture was warped to the grasp: ``pregrasp`` or ``overhead``."""
+    attempts: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrainedRun:
+    """A trained network with its provenance."""
+
+    network: GraspQualityNetwork
+    origin: DataOrigin
+    grid: InputGrid
+    card: dict[str, Any]
+    """The whole ``run.json``."""
+
+    def scorer(self) -> Scorer:
+        """The network as the servo loop wants it."""
+        return Scorer(self.network)
+
+
+def check_run_folder(folder: Path) -> None:
+    """Refuse a place where a run cannot be written, before hours are spent on training.
+
+    Raises:
+        CheckpointError: A file is in the way, or the folder holds other things.
+    """
+    if folder.is_file():
+        raise CheckpointError(f"{folder} is a file, expected a new folder for the run: choose another --out")
+    if folder.is_dir() and any(folder.iterdir()) and not (folder / CARD).exists():
+        raise CheckpointError(f"{folder} holds other files, expected a new or empty folder: choose another --out")
+
+
+def save_run(
+    folder: Path,
+    network: GraspQualityNetwork,
+    *,
+    origin: DataOrigin,
+    grid: InputGrid,
+    settings: TrainSettings,
+    history: Sequence[Epoch],
+) -> None:
+    """Write weights and card; the card comes last, so a folder with a card is complete."""
+    check_run_folder(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / CARD).unlink(missing_ok=True)
+    save_file(network.state_dict(), folder / WEIGHTS)
+    card = {
+        "run_version": RUN_VERSION,
+        "handsight": __version__,
+        "created": datetime.now(UTC).isoformat(timespec="seconds"),
+        "origin": asdict(origin),
+        "grid": asdict(grid),
+        "settings": asdict(settings),
+        "parameters": sum(parameter.numel() for parameter in network.parameters()),
+        "history": [asdict(epoch) for epoch in history],
+    }
+    unfinished = folder / f".{CARD}.unfinished"
+    unfinished.write_text(json.dumps(card, indent=2) + "\n", encoding="utf-8")
+    os.replace(unfinished, folder / CARD)
+
+
+def load_run(folder: str | Path) -> TrainedRun:
+    """Load a run.
+
+    Raises:
+        CheckpointError: The folder is missing, is no run, or is damaged or newer than this handsight.
+    """
+    folder = Path(folder)
+    if not (folder / CARD).is_file():
+        what = "holds no finished run" if folder.is_dir() else "is no folder"
+        raise CheckpointError(f"{folder} {what} ({CARD} is missing): train one with 'handsight train'")
+    try:
+        card = json.loads((folder / CARD).read_text(encoding="utf-8"))
+        if card["run_version"] > RUN_VERSION:
+            raise CheckpointError(
+                f"{folder} was written by a newer handsight (run version {card['run_version']}, this one reads up to "
+                f"{RUN_VERSION}): upgrade handsight"
+            )
+        shape = {name: tuple(v) if isinstance(v, list) else v for name, v in card["settings"]["network"].items()}
+        network = GraspQualityNetwork(GqnConfig(**shape))
+        network.load_state_dict(load_file(folder / WEIGHTS))
+        return TrainedRun(
+            network=network.eval(),
+            origin=DataOrigin(**card["origin"]),
+            grid=InputGrid(**card["grid"]),
+            card=card,
+        )
+    except (OSError, KeyError, TypeError, ValueError, RuntimeError, SafetensorError) as error:
+        if isinstance(error, CheckpointError):
+            raise
+        raise CheckpointError(f"{folder} is damaged ({error}): train again, or restore it from a copy") from error
+
+
+def load_scorer(folder: str | Path) -> Scorer:
+    """The network of a run, ready to score."""
+    return load_run(folder).scorer()
