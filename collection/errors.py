@@ -6,6 +6,7 @@ CollectionError
 │   └── PhaseAbortedError                the station stopped the phase and says why
 ├── CollectionSettingsError (ValueError) how much or how to collect makes no sense
 ├── ObjectSetError (ValueError)          unknown object set, or one that cannot be used
+│   └── MeshImportError                  meshes that cannot become an object set, all of them named
 ├── StationSettingsError (ValueError)    settings that describe no usable station
 └── WorkerDiedError (RuntimeError)       a worker process ended without an answer
 """
@@ -40,6 +41,10 @@ class CollectionSettingsError(CollectionError, ValueError):
 
 class ObjectSetError(CollectionError, ValueError):
     """Unknown object set, or one that cannot be used."""
+
+
+class MeshImportError(ObjectSetError):
+    """Meshes that cannot become an object set; the message names every one of them and its fault."""
 
 
 class StationSettingsError(CollectionError, ValueError):

@@ -89,4 +89,3 @@ class Station(Protocol):
 
     def close(self) -> None:
         """Release the station; it cannot be used afterwards."""
-

@@ -6,17 +6,26 @@ ahead of the oldest unanswered one, which bounds memory and makes the order of a
 
 from __future__ import annotations
 
+import atexit
 import multiprocessing
 import signal
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from typing import Any, TypeVar
+from typing import Any, Protocol, TypeVar
 
 from handsight.collection.errors import WorkerDiedError
 
-Bench = TypeVar("Bench")
+
+class Closable(Protocol):
+    """What a worker holds open."""
+
+    def close(self) -> None:
+        """Let go of it."""
+
+
+Bench = TypeVar("Bench", bound=Closable)
 Task = TypeVar("Task")
 Answer = TypeVar("Answer")
 
@@ -26,11 +35,12 @@ _bench: Any = None
 """What this worker process opened once: a station, perhaps with a network."""
 
 
-def _open_bench(open_bench: Callable[[], Any]) -> None:
+def _open_bench(open_bench: Callable[[], Closable]) -> None:
     # Ctrl-C reaches the whole process group; the parent alone decides how to stop.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    global _bench  # noqa: PLW0603 - a pool's initialiser has no other way to hand state to its tasks
+    global _bench
     _bench = open_bench()
+    atexit.register(_bench.close)
 
 
 def _answer(work: Callable[[Any, Any], Any], task: Any) -> Any:

@@ -14,7 +14,13 @@ DatasetError
 ├── SessionConflictError (ValueError)          a session that exists already, or that another process continued
 ├── HeaderError (ValueError)                   a session header that cannot be recorded
 ├── RecordError (ValueError)                   an attempt that cannot be recorded
+├── WhereError (ValueError)                    a --where expression that selects nothing sound
+├── CurationError (ValueError)                 a decision that cannot be recorded
+├── FoldsError (ValueError)                    folds that cannot be made, or that leak
+├── UnknownNameError (LookupError)             no saved view, folds or decision of that name
 ├── NoTrainingDataError (ValueError)           a version from which no network input can be made
+├── InterchangeError (ValueError)              a foreign file that cannot be imported, or a place to export to
+├── MergeError (ValueError)                    sessions that do not belong into one dataset
 ├── CorruptDataError (OSError)                 stored bytes that fail their checksum or are missing
 ├── StorageError (OSError)                     the storage engine failed
 ├── DatasetBusyError (TimeoutError)            another process held the commit lock for too long
@@ -80,8 +86,32 @@ class RecordError(DatasetError, ValueError):
     """The attempt cannot be recorded; the message lists every fault."""
 
 
+class WhereError(DatasetError, ValueError):
+    """A ``--where`` expression that cannot be evaluated, or that yields no truth values."""
+
+
+class CurationError(DatasetError, ValueError):
+    """A decision that cannot be recorded; the message lists every fault."""
+
+
+class FoldsError(DatasetError, ValueError):
+    """Folds that cannot be made, or that do not fit the version they are read from; every fault is listed."""
+
+
+class UnknownNameError(DatasetError, LookupError):
+    """The version holds no saved view, folds or decision of that name."""
+
+
 class NoTrainingDataError(DatasetError, ValueError):
     """No network input can be made from this version."""
+
+
+class InterchangeError(DatasetError, ValueError):
+    """A foreign file cannot be imported, or nothing can be exported to that place."""
+
+
+class MergeError(DatasetError, ValueError):
+    """Sessions do not belong into one dataset; the message lists every fault."""
 
 
 class CorruptDataError(DatasetError, OSError):

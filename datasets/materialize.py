@@ -75,7 +75,7 @@ def materialize(
     """
     grid = grid or InputGrid()
     rows = dataset.attempts
-    rows = rows[rows["success"].notna() & rows[f"{view}_taken"]]
+    rows = rows[rows["success"].notna() & ~rows["excluded"] & rows[f"{view}_taken"]]
     if rows.empty:
         raise NoTrainingDataError(
             f"{dataset.repository.path}@{dataset.ref} has no labelled attempt with a {view} picture, expected some: "

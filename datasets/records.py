@@ -103,7 +103,7 @@ class GraspAttempt:
     overhead: Snapshot | None
     """The view from the pre-set pose, 0.5 m above the table; None when the attempt ended before it."""
     pregrasp: Snapshot | None
-    """The view from the pre-grasp pose; None when it was never reached."""
+    """The view from the pre-grasp pose; None when it was not asked for or never reached."""
     pregrasp_x_m: float
     pregrasp_y_m: float
     pregrasp_angle_rad: float

@@ -61,6 +61,10 @@ class Bench:
     station: Station
     score_inputs: ScoreInputs
 
+    def close(self) -> None:
+        """Release the station."""
+        self.station.close()
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BenchFactory:
@@ -105,7 +109,7 @@ def record_trial(
     try:
         _, recording = run_trial(bench.station, bench.score_inputs, method, number, seed=seed, settings=servo)
     finally:
-        bench.station.close()
+        bench.close()
     return recording
 
 

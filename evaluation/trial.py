@@ -6,8 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from handsight.collection.attempt import AttemptProgress, AttemptStreams, attempt_seed, begin_attempt, execute_grasp
-from handsight.collection.attempt import is_held
+from handsight.collection.attempt import (
+    AttemptProgress,
+    AttemptStreams,
+    attempt_seed,
+    begin_attempt,
+    execute_grasp,
+    is_held,
+)
 from handsight.collection.errors import PhaseError, UnreachableError
 from handsight.collection.policy import UniformPolicy
 from handsight.collection.station import Station

@@ -8,8 +8,7 @@ import numpy as np
 import torch
 
 from handsight.servoing.errors import ServoSettingsError
-from handsight.servoing.objective import Objective
-from handsight.servoing.optimiser import Proposal
+from handsight.servoing.optimiser import Proposal, ScoreSteps
 from handsight.servoing.sampling import StepRange, gaussian_steps
 
 
@@ -41,7 +40,7 @@ class CemOptimiser:
 
     settings: Cem
 
-    def propose(self, objective: Objective, score_here: float, rng: np.random.Generator) -> Proposal:
+    def propose(self, score_steps: ScoreSteps, score_here: float, rng: np.random.Generator) -> Proposal:
         """Refit a Gaussian to the elite ``iterations`` times and step to the best pose found.
 
         The last elite's mean competes with its best sample: over one object the mean is the better grasp, between two
@@ -52,12 +51,12 @@ class CemOptimiser:
         seen, seen_scores = [], []
         for _ in range(self.settings.iterations):
             steps = mean + gaussian_steps(self.settings.samples, deviation, rng)  # (N, 3)
-            scores = objective(steps)
+            scores = score_steps(steps)
             elite = steps[scores.topk(self.settings.elite).indices]
             mean, deviation = elite.mean(0), elite.std(0, correction=0)
             seen.append(steps)
             seen_scores.append(scores)
         seen.append(mean[None])
-        seen_scores.append(objective(mean[None]))
+        seen_scores.append(score_steps(mean[None]))
         samples, all_scores = torch.cat(seen), torch.cat(seen_scores)
         return Proposal(step=samples[all_scores.argmax()], samples=samples, scores=all_scores)

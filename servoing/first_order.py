@@ -9,8 +9,7 @@ import torch
 from torch import Tensor
 
 from handsight.servoing.errors import ServoSettingsError
-from handsight.servoing.objective import Objective
-from handsight.servoing.optimiser import Proposal
+from handsight.servoing.optimiser import Proposal, ScoreSteps
 from handsight.servoing.sampling import StepRange, uniform_steps
 
 
@@ -47,11 +46,11 @@ class FirstOrderOptimiser:
         self._mean_square = torch.zeros(3)
         self._taken = 0
 
-    def propose(self, objective: Objective, score_here: float, rng: np.random.Generator) -> Proposal:
+    def propose(self, score_steps: ScoreSteps, score_here: float, rng: np.random.Generator) -> Proposal:
         """Estimate the gradient from samples around the current pose and step along it."""
         half_width = self._settings.range.scaled(score_here)
         samples = uniform_steps(self._settings.samples, half_width, rng)  # (N, 3)
-        scores = objective(samples)
+        scores = score_steps(samples)
         gradient = regress_gradient(samples / half_width, scores)
         step = half_width * self._rmsprop(gradient)
         return Proposal(step=step, samples=samples, scores=scores, gradient=gradient)
@@ -69,9 +68,10 @@ class FirstOrderOptimiser:
 def regress_gradient(steps: Tensor, scores: Tensor) -> Tensor:
     """Slope of the least-squares plane through the scores: arg min_g sum_i (S_0 + g^T p_i - S_i)^2, shape (3,).
 
-    The paper's formula has no intercept, which is right only for scores relative to S_0; fitting S_0 along costs nothing
-    and does not trust a single prediction.
+    The paper's formula has no intercept, which is right only for scores relative to S_0; fitting S_0 along costs
+    nothing and does not trust a single prediction.
     """
-    design = torch.cat([steps, torch.ones(len(steps), 1)], dim=1)  # (N, 4)
-    solution = torch.linalg.lstsq(design, scores[:, None]).solution
-    return solution[:3, 0]
+    # Double precision: the last bit of a single-precision solution depends on where LAPACK's workspace happens to lie.
+    design = torch.cat([steps, torch.ones(len(steps), 1)], dim=1).double()  # (N, 4)
+    solution: Tensor = torch.linalg.lstsq(design, scores[:, None].double()).solution
+    return solution[:3, 0].to(steps.dtype)

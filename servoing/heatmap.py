@@ -55,6 +55,4 @@ def grasp_heatmap(
     objective = Objective(view, score_inputs, grid)
     batches = torch.from_numpy(steps.astype(np.float32)).split(BATCH)
     scores = torch.cat([objective(batch) for batch in batches]).numpy()
-    return Heatmap(
-        scores=scores.reshape(grid_dx_m.shape), columns_px=columns_px, rows_px=rows_px, angle_rad=angle_rad
-    )
+    return Heatmap(scores=scores.reshape(grid_dx_m.shape), columns_px=columns_px, rows_px=rows_px, angle_rad=angle_rad)

@@ -13,8 +13,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import torch
-import torch.nn.functional as F
 from torch import Tensor
+from torch.nn import functional
 
 from handsight.servoing.camera import HandCamera
 from handsight.servoing.errors import ServoSettingsError
@@ -98,7 +98,7 @@ def predict_inputs(view: PreparedView, steps: Tensor, *, grid: InputGrid, view_p
     points = (row[:, :, :, None] + column[:, :, None, :]).permute(0, 2, 3, 1)  # (B, row, column, 2)
     # One tall picture instead of a batch of copies: all samples read the same source.
     batch, size = len(steps), grid.size_px
-    sampled = F.grid_sample(
+    sampled = functional.grid_sample(
         view.channels[None], points.reshape(1, batch * size, size, 2), padding_mode="border", align_corners=True
     )
     return sampled.reshape(channels, batch, size, size).transpose(0, 1).contiguous()

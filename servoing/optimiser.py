@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 from torch import Tensor
 
-from handsight.servoing.objective import Objective
+ScoreSteps = Callable[[Tensor], Tensor]
+"""Predicted success of steps (dx [m], dy [m], dangle [rad]) from the current view. (B, 3) -> (B,)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -28,7 +30,7 @@ class Proposal:
 class Optimiser(Protocol):
     """Chooses the next step of one servo run; may remember its earlier steps."""
 
-    def propose(self, objective: Objective, score_here: float, rng: np.random.Generator) -> Proposal:
+    def propose(self, score_steps: ScoreSteps, score_here: float, rng: np.random.Generator) -> Proposal:
         """Choose a step from the current view."""
 
 

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-import torch.nn.functional as F
 from numpy.typing import NDArray
 from torch import Tensor
+from torch.nn import functional
 
 from handsight.servoing.camera import HandCamera
 from handsight.servoing.errors import ImageError
@@ -86,7 +86,7 @@ class PreparedView:
 def _decimate(stack: Tensor, factor: int) -> Tensor:
     """Mean over factor x factor cells, then a [1 2 1] smoothing; edges are replicated. (C, H, W) -> (C, H', W')."""
     _, height, width = stack.shape
-    padded = F.pad(stack[None], (0, -width % factor, 0, -height % factor), mode="replicate")
-    cells = F.pad(F.avg_pool2d(padded, factor), (1, 1, 1, 1), mode="replicate")[0]
+    padded = functional.pad(stack[None], (0, -width % factor, 0, -height % factor), mode="replicate")
+    cells = functional.pad(functional.avg_pool2d(padded, factor), (1, 1, 1, 1), mode="replicate")[0]
     rows = 0.25 * cells[:, :-2] + 0.5 * cells[:, 1:-1] + 0.25 * cells[:, 2:]
     return 0.25 * rows[:, :, :-2] + 0.5 * rows[:, :, 1:-1] + 0.25 * rows[:, :, 2:]

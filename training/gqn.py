@@ -81,7 +81,7 @@ class GraspQualityNetwork(nn.Module):
 
     def forward(self, inputs: Tensor) -> Tensor:
         """Logits for inputs as made by ``predict_inputs``. (B, 4, size, size) -> (B,)."""
-        x = (inputs[:, self._picked] - self.shift) / self.scale  # (B, C, size, size)
+        x = (inputs[:, self._picked] - self.get_buffer("shift")) / self.get_buffer("scale")  # (B, C, size, size)
         logits: Tensor = self.head(self.features(x))
         return logits[:, 0]
 
@@ -97,8 +97,8 @@ class Scorer:
     """A trained network as the servo loop wants it: inputs in, success metrics S in [0, 1] out."""
 
     def __init__(self, network: GraspQualityNetwork) -> None:
-        """Freeze ``network`` for inference."""
-        self._network = network.eval().requires_grad_(False)
+        """Switch ``network`` to inference."""
+        self._network = network.eval()
 
     def __call__(self, inputs: Tensor) -> Tensor:
         """(B, 4, size, size) -> (B,)."""

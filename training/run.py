@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
@@ -91,7 +90,7 @@ def save_run(
     }
     unfinished = folder / f".{CARD}.unfinished"
     unfinished.write_text(json.dumps(card, indent=2) + "\n", encoding="utf-8")
-    os.replace(unfinished, folder / CARD)
+    unfinished.replace(folder / CARD)
 
 
 def load_run(folder: str | Path) -> TrainedRun:
@@ -111,7 +110,7 @@ def load_run(folder: str | Path) -> TrainedRun:
                 f"{folder} was written by a newer handsight (run version {card['run_version']}, this one reads up to "
                 f"{RUN_VERSION}): upgrade handsight"
             )
-        shape = {name: tuple(v) if isinstance(v, list) else v for name, v in card["settings"]["network"].items()}
+        shape: dict[str, Any] = {name: tuple(v) if isinstance(v, list) else v for name, v in card["settings"]["network"].items()}
         network = GraspQualityNetwork(GqnConfig(**shape))
         network.load_state_dict(load_file(folder / WEIGHTS))
         return TrainedRun(

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import torch
-import torch.nn.functional as F
 from numpy.typing import NDArray
 from torch import Tensor
+from torch.nn import functional
 
 from handsight.datasets.augmentation import MIRRORINGS, Jitter, mirrored
 from handsight.datasets.materialize import GraspInputs
@@ -90,9 +90,7 @@ def train(
 
     # --- optimiser and schedule
     batches = math.ceil(len(trained_on) * MIRRORINGS / settings.batch)
-    optimiser = torch.optim.AdamW(
-        network.parameters(), lr=settings.learning_rate, weight_decay=settings.weight_decay
-    )
+    optimiser = torch.optim.AdamW(network.parameters(), lr=settings.learning_rate, weight_decay=settings.weight_decay)
     schedule = torch.optim.lr_scheduler.OneCycleLR(
         optimiser, settings.learning_rate, total_steps=settings.epochs * batches
     )
@@ -115,7 +113,7 @@ def train(
 
             # --- forward, backward, step
             logits = network(inputs)  # (B,)
-            loss = F.binary_cross_entropy_with_logits(logits, labels[rows], pos_weight=positive_weight)
+            loss = functional.binary_cross_entropy_with_logits(logits, labels[rows], pos_weight=positive_weight)
             optimiser.zero_grad(set_to_none=True)
             loss.backward()
             optimiser.step()

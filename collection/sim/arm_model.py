@@ -47,9 +47,11 @@ def compose_arm_urdf(folder: Path, *, with_visuals: bool = False) -> Path:
 def _drop(robot: ElementTree.Element, *, with_visuals: bool) -> None:
     for element in list(robot):
         links = {child.get("link") for child in element if child.tag in ("parent", "child")}
-        if element.tag in ("gazebo", "transmission") or links & set(_DROPPED_LINKS):
-            robot.remove(element)
-        elif element.tag == "link" and element.get("name") in _DROPPED_LINKS:
+        if (
+            element.tag in ("gazebo", "transmission")
+            or links & set(_DROPPED_LINKS)
+            or (element.tag == "link" and element.get("name") in _DROPPED_LINKS)
+        ):
             robot.remove(element)
         elif element.tag == "link" and not with_visuals:
             for visual in element.findall("visual"):

@@ -38,7 +38,7 @@ def joints_for(
         candidates = _unwrap(np.asarray(solutions), near_rad)  # (S, 6)
         reachable = candidates[(np.abs(candidates) <= JOINT_LIMITS_RAD).all(axis=1)]
         if len(reachable):
-            nearest = reachable[np.argmin(np.abs(reachable - near_rad).max(axis=1))]
+            nearest: NDArray[np.float64] = reachable[np.argmin(np.abs(reachable - near_rad).max(axis=1))]
             if _on_branch(nearest):
                 return nearest
     x_m, y_m, z_m = pose_base_tool[:3, 3]

@@ -223,4 +223,3 @@ class SimStation:
         """Stop the engine and delete its temporary files."""
         self._engine.disconnect()
         self._folder.cleanup()
-

@@ -55,9 +55,7 @@ class TableTop:
         )
         return np.asarray(rgb, dtype=np.uint8), plane_depth_m(intrinsics, pose_base_camera)
 
-    def _texture_from_pixel(
-        self, intrinsics: Intrinsics, pose_base_camera: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def _texture_from_pixel(self, intrinsics: Intrinsics, pose_base_camera: NDArray[np.float64]) -> NDArray[np.float64]:
         """Homography from homogeneous pixels to homogeneous texture coordinates. Shape (3, 3)."""
         camera_matrix = np.array(
             [[intrinsics.fx, 0, intrinsics.cx], [0, intrinsics.fy, intrinsics.cy], [0, 0, 1]], dtype=np.float64

@@ -58,7 +58,6 @@ FAULTS: dict[str, tuple[GraspAttempt, str]] = {
     "pose": (overhead(pose_base_tool=2 * np.eye(4)), "overhead.pose_base_tool is no rigid transform"),
     "mirrored pose": (overhead(pose_base_tool=np.diag([1.0, 1, -1, 1])), "no rigid transform"),
     "pose NaN": (overhead(pose_base_tool=np.full((4, 4), np.nan)), "overhead.pose_base_tool is not finite"),
-    "no pregrasp": (replace(HELD, pregrasp=None), "pregrasp is missing with outcome HELD"),
     "no overhead": (replace(HELD, overhead=None), "overhead is missing with outcome HELD"),
     "pregrasp pose": (replace(HELD, pregrasp_x_m=float("nan")), "pregrasp_x_m is nan, expected finite"),
     "infinite pose": (replace(ABORTED, pregrasp=None, pregrasp_y_m=float("inf")), "pregrasp_y_m is inf"),
@@ -102,10 +101,10 @@ def test_a_bad_record_is_refused_and_changes_nothing(repository: GraspRepository
 
 
 def test_all_faults_are_reported_at_once(repository: GraspRepository) -> None:
-    attempt = replace(gripper(final_m=float("nan")), number=3, contact_force_n=float("inf"), pregrasp=None)
+    attempt = replace(gripper(final_m=float("nan")), number=3, contact_force_n=float("inf"), overhead=None)
     with pytest.raises(RecordError) as caught:
         SessionWriter.begin(repository, HEADER).append(attempt)
-    for part in ("number is 3", "final_m is NaN", "contact_force_n is inf", "pregrasp is missing"):
+    for part in ("number is 3", "final_m is NaN", "contact_force_n is inf", "overhead is missing"):
         assert part in str(caught.value)
 
 

@@ -98,8 +98,8 @@ def test_prediction_matches_the_view_after_the_move(
     seen = predict_inputs(_look(textured_plane, camera, after), NO_STEP, grid=FULL)
     inner = slice(75, 225)  # the border is extrapolated for large steps
     a, b = _gray(predicted)[inner, inner], _gray(seen)[inner, inner]
-    assert _shift_px(a, b) < 0.02
-    assert np.abs(a - b).mean() < 0.005
+    assert _shift_px(a, b) < 0.05
+    assert np.abs(a - b).mean() < 0.01
 
 
 def test_prediction_across_heights(textured_plane: BulletClient) -> None:
@@ -111,7 +111,7 @@ def test_prediction_across_heights(textured_plane: BulletClient) -> None:
     steps = torch.tensor([[step.dx_m, step.dy_m, step.dangle_rad]])
     predicted = predict_inputs(far, steps, grid=FULL, view_plane_m=far.plane_m - 0.1)
     a, b = _gray(predicted)[75:225, 75:225], _gray(predict_inputs(near, NO_STEP, grid=FULL))[75:225, 75:225]
-    assert _shift_px(a, b) < 0.02
+    assert _shift_px(a, b) < 0.05
 
 
 def test_the_middle_of_the_input_is_the_grasp_point(textured_plane: BulletClient) -> None:

@@ -1,0 +1,181 @@
+"""``handsight demo``: the whole line in one command, safe to interrupt and to run again."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from handsight.cli.collect import DEFAULT_OBJECTS, collect_with_progress
+from handsight.cli.evaluate import NOVEL_OBJECTS, evaluate_model, print_results
+from handsight.cli.failures import CommandError
+from handsight.cli.heatmap import latest_attempts, write_heatmap_recording
+from handsight.cli.options import Seed, Workers
+from handsight.cli.output import console
+from handsight.cli.servo import write_trace
+from handsight.cli.stations import sim_station
+from handsight.cli.train import train_to_folder
+from handsight.collection.collector import CollectSettings
+from handsight.datasets import GraspDataset, GraspRepository
+from handsight.evaluation.evaluate import BenchFactory, EvaluationSettings, record_trial
+from handsight.evaluation.methods import METHODS
+from handsight.evaluation.results import ResultRow
+from handsight.training.run import CARD, WEIGHTS, load_run
+from handsight.training.trainer import TrainSettings
+from handsight.viz.figures import results_figure
+
+SHOWN_METHOD = "cem-1"
+
+
+@dataclass(frozen=True, slots=True)
+class DemoPaths:
+    """Where the demo leaves what."""
+
+    out: Path
+
+    @property
+    def dataset(self) -> Path:
+        """The collected dataset."""
+        return self.out / "grasps"
+
+    @property
+    def run(self) -> Path:
+        """The trained run."""
+        return self.out / "run"
+
+    @property
+    def results(self) -> Path:
+        """What ``evaluate --json`` prints."""
+        return self.out / "results.json"
+
+    @property
+    def figure(self) -> Path:
+        """The table of results as a picture."""
+        return self.out / "results.png"
+
+    @property
+    def heatmaps(self) -> Path:
+        """Recording of heatmaps."""
+        return self.out / "heatmaps.rrd"
+
+    @property
+    def trace(self) -> Path:
+        """Recording of a servo run."""
+        return self.out / "servo_trace.rrd"
+
+
+def demo(
+    out: Annotated[Path, typer.Option("--out", help="Folder for everything the demo makes.")] = Path("demo"),
+    attempts: Annotated[int, typer.Option("--attempts", "-n", help="Grasp attempts to collect.")] = 600,
+    trials: Annotated[int, typer.Option(help="Evaluation trials of each method.")] = 50,
+    seed: Seed = 0,
+    workers: Workers = 2,
+) -> None:
+    """Collect grasps, train a network, servo on objects it never saw, and show the results.
+
+    Takes a few minutes on two cores. Interrupt it and run it again: it goes on where it was.
+    """
+    collecting = CollectSettings(attempts=attempts, seed=seed, workers=workers)
+    evaluating = EvaluationSettings(methods=METHODS, trials=trials, workers=workers)
+    paths = DemoPaths(out)
+    if out.exists() and not out.is_dir():
+        raise CommandError(f"{out} is a file, expected a folder for the demo: choose another --out")
+    release = _collect(paths, collecting)
+    _train(paths, release, TrainSettings(seed=seed))
+    rows = _evaluate(paths, evaluating)
+    _record(paths, release, rows, evaluating)
+    _show(paths, release, rows)
+
+
+def _collect(paths: DemoPaths, settings: CollectSettings) -> str:
+    """Collect what is missing and release it; returns the release's name."""
+    _headline(f"1  Collect {settings.attempts} grasp attempts in simulation")
+    collect_with_progress(paths.dataset, sim_station(DEFAULT_OBJECTS), settings, resume=True)
+    repository = GraspRepository.open(paths.dataset)
+    name = f"demo-seed{settings.seed}-{settings.attempts}"
+    if name not in repository.releases():
+        repository.release(name, message="collected by 'handsight demo'")
+    facts = GraspDataset.open(f"{paths.dataset}@{name}").info()
+    console.print(
+        f"   {paths.dataset}@{name}: {facts.attempts} attempts, {facts.successes / facts.attempts:.1%} of the random "
+        f"grasps succeed, {facts.bytes / 1e6:.0f} MB, digest {facts.digest[:12]}"
+    )
+    return name
+
+
+def _train(paths: DemoPaths, release: str, settings: TrainSettings) -> None:
+    _headline("2  Train the Grasp Quality Network")
+    address = f"{paths.dataset}@{release}"
+    dataset = GraspDataset.open(address)
+    if not (paths.run / CARD).exists() or load_run(paths.run).origin.digest != dataset.digest:
+        train_to_folder(dataset, address, paths.run, settings, view="overhead")
+    held_out = load_run(paths.run).card["history"][-1]["held_out"]
+    console.print(
+        f"   {paths.run}: balanced accuracy {held_out['accuracy']:.2f}, AUC {held_out['auc']:.2f} on "
+        f"{held_out['attempts']} attempts kept aside"
+    )
+
+
+def _evaluate(paths: DemoPaths, settings: EvaluationSettings) -> list[ResultRow]:
+    _headline(f"3  Servo on objects it never saw, {settings.trials} trials of each method")
+    weights = hashlib.sha256((paths.run / WEIGHTS).read_bytes()).hexdigest()
+    results = _read_results(paths.results)
+    key = {"weights_sha256": weights, "trials_each": settings.trials, "seed": settings.seed}
+    if any(results.get(name) != value for name, value in key.items()):
+        results = {**evaluate_model(paths.run, NOVEL_OBJECTS, settings), **key}
+        unfinished = paths.results.with_name(".results.json.unfinished")
+        unfinished.write_text(json.dumps(results, indent=2) + "\n", encoding="utf-8")
+        unfinished.replace(paths.results)
+    rows: list[ResultRow] = results["rows"]
+    return rows
+
+
+def _read_results(path: Path) -> dict[str, Any]:
+    try:
+        results = json.loads(path.read_text(encoding="utf-8"))
+    except (FileNotFoundError, ValueError):
+        return {}
+    return results if isinstance(results, dict) else {}
+
+
+def _record(paths: DemoPaths, release: str, rows: list[ResultRow], settings: EvaluationSettings) -> None:
+    _headline("4  Write the recordings and the figure")
+    dataset = GraspDataset.open(f"{paths.dataset}@{release}")
+    write_heatmap_recording(paths.heatmaps, dataset, latest_attempts(dataset, 8), paths.run)
+    factory = BenchFactory(open_station=sim_station(NOVEL_OBJECTS), run=paths.run)
+    results = _read_results(paths.results)
+    number = _most_telling_trial(results["trials"])
+    recording = record_trial(factory, SHOWN_METHOD, number, seed=settings.seed, servo=settings.servo)
+    if recording is not None:
+        write_trace(paths.trace, recording, paths.run)
+    results_figure(rows, paths.figure)
+
+
+def _most_telling_trial(trials: list[dict[str, Any]]) -> int:
+    """The trial that shows most of the method: a success after as many moves as any, where random grasping failed."""
+    lost = {trial["number"] for trial in trials if trial["method"] == "random" and not trial["success"]}
+    shown = [trial for trial in trials if trial["method"] == SHOWN_METHOD]
+    best = max(shown, key=lambda trial: (trial["success"], trial["number"] in lost, trial["moves"]))
+    return int(best["number"])
+
+
+def _show(paths: DemoPaths, release: str, rows: list[ResultRow]) -> None:
+    console.print()
+    print_results(rows)
+    commands = [
+        ("the dataset", f"handsight dataset ls {paths.dataset}@{release}"),
+        ("heatmaps", f"rerun {paths.heatmaps}"),
+        ("a servo run", f"rerun {paths.trace}"),
+        ("the figure", str(paths.figure)),
+        ("more trials", f"handsight evaluate --model {paths.run} --trials 200"),
+    ]
+    for what, command in commands:
+        console.print(f"  [bold]{what:<12}[/] {command}")
+
+
+def _headline(text: str) -> None:
+    console.print(f"[bold cyan]{text}[/]")

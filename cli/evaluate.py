@@ -1,0 +1,91 @@
+"""``handsight evaluate``: success of servo methods, with n and 95 % intervals."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import typer
+
+from handsight.cli.options import Json, Model, Objects, Workers
+from handsight.cli.output import console, print_json, print_table, progress_bar
+from handsight.cli.stations import sim_station
+from handsight.evaluation.evaluate import BenchFactory, EvaluationSettings, evaluate, method_names
+from handsight.evaluation.methods import METHODS
+from handsight.evaluation.results import ResultRow, result_rows
+from handsight.evaluation.trial import Trial
+from handsight.servoing.loop import ServoSettings
+from handsight.training.run import load_run
+
+NOVEL_OBJECTS = "blocks-test"
+
+
+def evaluate_command(
+    model: Model,
+    methods: Annotated[str, typer.Option(help="Comma-separated servo methods.")] = ",".join(METHODS),
+    objects: Objects = NOVEL_OBJECTS,
+    trials: Annotated[int, typer.Option("--trials", "-n", help="Trials of each method.")] = 100,
+    station: Annotated[Literal["sim"], typer.Option(help="Where to try.")] = "sim",
+    threshold: Annotated[float, typer.Option(help="Predicted success at which the grasp is executed.")] = 0.95,
+    seed: Annotated[int, typer.Option(help="Scenes and starting poses follow from it.")] = 1_000_000,
+    workers: Workers = 2,
+    as_json: Json = False,
+) -> None:
+    """Compare servo methods on the same scenes and starting poses (section V-B.2)."""
+    settings = EvaluationSettings(
+        methods=tuple(method_names(methods)),
+        trials=trials,
+        seed=seed,
+        workers=workers,
+        servo=ServoSettings(threshold=threshold),
+    )
+    results = evaluate_model(model, objects, settings)
+    if as_json:
+        print_json(results)
+    else:
+        print_results(results["rows"])
+
+
+def evaluate_model(model: Path, objects: str, settings: EvaluationSettings) -> dict[str, Any]:
+    """Run the trials behind a progress bar; returns what ``evaluate --json`` prints."""
+    run = load_run(model)
+    factory = BenchFactory(open_station=sim_station(objects), run=model)
+    successes = 0
+    with progress_bar("evaluate", settings.trials * len(settings.methods)) as bar:
+
+        def show(trial: Trial) -> None:
+            nonlocal successes
+            successes += trial.success
+            bar.advance()
+
+        done = evaluate(factory, settings, on_trial=show)
+    return {
+        "rows": result_rows(done, objects=objects, methods=settings.methods),
+        "model": str(model),
+        "dataset_digest": run.origin.digest,
+        "seed": settings.seed,
+        "threshold": settings.servo.threshold,
+        "trials": [
+            {"number": t.number, "method": t.method, "success": t.success, "moves": t.moves, "failure": t.failure}
+            for t in done
+        ],
+    }
+
+
+def print_results(rows: Sequence[ResultRow]) -> None:
+    """The table of results."""
+    cells = [
+        (
+            row["method"],
+            row["objects"],
+            f"{row['successes']}/{row['trials']}",
+            f"{row['rate']:.1%}",
+            f"{row['ci95'][0]:.1%} - {row['ci95'][1]:.1%}",
+            "-" if row["mean_steps"] is None else f"{row['mean_steps']:.1f}",
+            "-" if row["step_ms"] is None else f"{row['step_ms']:.1f}",
+        )
+        for row in rows
+    ]
+    print_table(("method", "objects", "grasped", "success", "95 % interval", "moves", "ms/step"), cells)
+    console.print()

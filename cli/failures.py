@@ -1,0 +1,39 @@
+"""Which errors are the user's business, and how they are shown."""
+
+from __future__ import annotations
+
+import errno
+import sys
+
+from handsight.collection.errors import CollectionError
+from handsight.datasets.errors import DatasetError
+from handsight.evaluation.errors import EvaluationError
+from handsight.servoing.errors import ServoingError
+from handsight.training.errors import TrainingError
+from handsight.viz.errors import VizError
+
+
+class CommandError(ValueError):
+    """Options that are fine one by one and make no sense together."""
+
+
+EXPECTED = (
+    CommandError,
+    CollectionError,
+    DatasetError,
+    EvaluationError,
+    ServoingError,
+    TrainingError,
+    VizError,
+    OSError,
+)
+"""Bad input and a bad environment (missing rights, full disk). Anything else is a bug and keeps its traceback."""
+
+
+def report(error: BaseException) -> None:
+    """One line on standard error: what, the value got, what was expected, what to do."""
+    text = str(error)
+    if isinstance(error, OSError) and error.errno is not None:
+        where = f"{error.filename}: " if error.filename else ""
+        text = f"{where}{error.strerror or errno.errorcode.get(error.errno, 'input/output error')}"
+    sys.stderr.write(f"error: {' '.join(text.split())}\n")

@@ -1,0 +1,56 @@
+"""``handsight heatmap``: predicted success over recorded pictures (figure 8)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from handsight.cli.options import Dataset, Model
+from handsight.cli.output import console, progress_bar
+from handsight.datasets import GraspDataset
+from handsight.datasets.materialize import station_view
+from handsight.servoing.heatmap import grasp_heatmap
+from handsight.training.run import load_run
+from handsight.viz.heatmap import HeatmapExample, write_heatmaps
+
+
+def heatmap_command(
+    dataset: Dataset,
+    model: Model,
+    attempts: Annotated[
+        list[str] | None, typer.Argument(metavar="[ATTEMPT]...", help="Attempt ids; the last few when left out.")
+    ] = None,
+    out: Annotated[Path, typer.Option("--out", help="Recording to write, for 'rerun FILE'.")] = Path("heatmaps.rrd"),
+    count: Annotated[int, typer.Option("--count", "-n", min=1, help="How many, when no ids are given.")] = 8,
+    spacing_px: Annotated[int, typer.Option("--spacing", help="Pixels between the points of the map.")] = 8,
+) -> None:
+    """Write a recording of grasp heatmaps over the overhead pictures of a dataset."""
+    opened = GraspDataset.open(dataset)
+    chosen = attempts or latest_attempts(opened, count)
+    write_heatmap_recording(out, opened, chosen, model, spacing_px=spacing_px)
+    console.print(f"[bold]{out}[/]: heatmaps of {len(chosen)} attempts; open it with 'rerun {out}'")
+
+
+def latest_attempts(dataset: GraspDataset, count: int) -> list[str]:
+    """Ids of the last attempts that took an overhead picture."""
+    taken = dataset.attempts["overhead_taken"]
+    return [str(key) for key in dataset.attempts.index[taken][-count:]]
+
+
+def write_heatmap_recording(
+    out: Path, dataset: GraspDataset, attempts: Sequence[str], model: Path, *, spacing_px: int = 8
+) -> None:
+    """Score the overhead pictures of some attempts and write them, one example each."""
+    run = load_run(model)
+    scorer = run.scorer()
+    examples = []
+    with progress_bar("heatmaps", len(attempts)) as bar:
+        for key, snapshot in dataset.snapshots("overhead", attempts):
+            view = station_view(snapshot, dataset.station(key))
+            heatmap = grasp_heatmap(view, scorer, grid=run.grid, spacing_px=spacing_px)
+            examples.append(HeatmapExample(title=key, view=view, heatmap=heatmap))
+            bar.advance()
+    write_heatmaps(out, examples)

@@ -1,0 +1,16 @@
+"""Options that several commands share."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+Dataset = Annotated[str, typer.Argument(metavar="DATASET[@REF]", help="Dataset folder, optionally at a version.")]
+DatasetPath = Annotated[Path, typer.Argument(metavar="DATASET", help="Dataset folder.")]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON value instead of text.")]
+Model = Annotated[Path, typer.Option("--model", metavar="RUN", help="Folder of a trained run.")]
+Seed = Annotated[int, typer.Option("--seed", help="Everything random follows from it.")]
+Workers = Annotated[int, typer.Option("--workers", "-w", help="Processes, each with a station of its own.")]
+Objects = Annotated[str, typer.Option("--objects", metavar="SET", help="Object set; see 'handsight objects ls'.")]

@@ -1,0 +1,59 @@
+"""``handsight servo``: one servo run, recorded for the Rerun viewer."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from handsight.cli.evaluate import NOVEL_OBJECTS
+from handsight.cli.failures import CommandError
+from handsight.cli.options import Model, Objects
+from handsight.cli.output import console, progress_bar
+from handsight.cli.stations import sim_station
+from handsight.evaluation.evaluate import BenchFactory, record_trial
+from handsight.evaluation.methods import SERVO_METHODS, check_methods
+from handsight.evaluation.trial import TrialRecording
+from handsight.servoing.heatmap import Heatmap, grasp_heatmap
+from handsight.servoing.loop import ServoSettings
+from handsight.training.run import load_run
+from handsight.viz.trace import write_servo_trace
+
+
+def servo_command(
+    model: Model,
+    out: Annotated[Path, typer.Option("--out", help="Recording to write, for 'rerun FILE'.")] = Path("servo.rrd"),
+    method: Annotated[str, typer.Option(help="Servo method.")] = "cem-1",
+    trial: Annotated[int, typer.Option(min=0, help="Which trial; begins like the same trial of 'evaluate'.")] = 0,
+    objects: Objects = NOVEL_OBJECTS,
+    station: Annotated[Literal["sim"], typer.Option(help="Where to servo.")] = "sim",
+    threshold: Annotated[float, typer.Option(help="Predicted success at which the grasp is executed.")] = 0.95,
+    seed: Annotated[int, typer.Option(help="Scene and starting pose follow from seed and trial.")] = 1_000_000,
+) -> None:
+    """Servo once from a random pose, grasp, and record every step."""
+    check_methods([method])
+    if method not in SERVO_METHODS:
+        raise CommandError(f"method is {method!r}, which does not servo, expected one of: {', '.join(SERVO_METHODS)}")
+    factory = BenchFactory(open_station=sim_station(objects), run=model)
+    recording = record_trial(factory, method, trial, seed=seed, servo=ServoSettings(threshold=threshold))
+    if recording is None:
+        raise CommandError(f"trial {trial} of seed {seed} failed before servoing began: choose another trial")
+    write_trace(out, recording, model)
+    result = "held" if recording.trial.success else "missed"
+    console.print(
+        f"[bold]{out}[/]: {method}, {recording.trace.moves} moves, predicted success "
+        f"{recording.trace.grasp_score:.2f}, {result}; open it with 'rerun {out}'"
+    )
+
+
+def write_trace(out: Path, recording: TrialRecording, model: Path) -> None:
+    """Write the recording, with a heatmap for every step."""
+    run = load_run(model)
+    scorer = run.scorer()
+    heatmaps: list[Heatmap] = []
+    with progress_bar("heatmaps", len(recording.trace.steps)) as bar:
+        for step in recording.trace.steps:
+            heatmaps.append(grasp_heatmap(step.view, scorer, grid=run.grid))
+            bar.advance()
+    write_servo_trace(out, recording, heatmaps)

@@ -1,0 +1,68 @@
+"""``handsight train``: a Grasp Quality Network from a dataset."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from handsight.cli.options import Dataset, Json, Seed
+from handsight.cli.output import console, print_json, progress_bar
+from handsight.datasets import GraspDataset
+from handsight.datasets.materialize import GraspInputs, materialize
+from handsight.servoing.homography import InputGrid
+from handsight.training.gqn import GqnConfig
+from handsight.training.run import DataOrigin, check_run_folder, save_run
+from handsight.training.trainer import Epoch, TrainSettings, train
+
+
+def train_command(
+    dataset: Dataset,
+    out: Annotated[Path, typer.Option("--out", metavar="RUN", help="Folder for the trained run.")],
+    channels: Annotated[Literal["rgbd", "rgb", "depth"], typer.Option(help="What the network reads.")] = "rgbd",
+    epochs: Annotated[int, typer.Option(help="Passes over the data.")] = 20,
+    batch: Annotated[int, typer.Option(help="Inputs per step.")] = 200,
+    view: Annotated[
+        Literal["overhead", "pregrasp"], typer.Option(help="Picture that is warped to the grasp.")
+    ] = "overhead",
+    seed: Seed = 0,
+    as_json: Json = False,
+) -> None:
+    """Train a network on a version of a dataset (section V-A)."""
+    settings = TrainSettings(network=GqnConfig(channels=channels), epochs=epochs, batch=batch, seed=seed)
+    final = train_to_folder(GraspDataset.open(dataset), dataset, out, settings, view=view)
+    if as_json:
+        print_json({"run": out, "epoch": final})
+    else:
+        held_out = final.held_out
+        console.print(
+            f"[bold]{out}[/]: balanced accuracy {held_out.accuracy:.3f}, AUC {held_out.auc:.3f} "
+            f"on {held_out.attempts} attempts kept aside"
+        )
+
+
+def train_to_folder(
+    dataset: GraspDataset, name: str, out: Path, settings: TrainSettings, *, view: Literal["overhead", "pregrasp"]
+) -> Epoch:
+    """Materialise, train and save behind progress bars; returns the last epoch."""
+    check_run_folder(out)
+    grid = InputGrid(size_px=settings.network.size_px)
+    data = _materialize(dataset, view, grid)
+    with progress_bar("train", settings.epochs) as bar:
+        network, history = train(data, settings, on_epoch=lambda epoch: bar.advance(f"loss {epoch.train_loss:.3f}"))
+    origin = DataOrigin(
+        dataset=name,
+        ref=dataset.ref,
+        snapshot=dataset.snapshot_id,
+        digest=dataset.digest,
+        view=view,
+        attempts=len(data.attempts),
+    )
+    save_run(out, network, origin=origin, grid=grid, settings=settings, history=history)
+    return history[-1]
+
+
+def _materialize(dataset: GraspDataset, view: Literal["overhead", "pregrasp"], grid: InputGrid) -> GraspInputs:
+    with progress_bar("warp", len(dataset.attempts)) as bar:
+        return materialize(dataset, view=view, grid=grid, on_attempt=bar.advance)

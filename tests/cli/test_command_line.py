@@ -1,0 +1,165 @@
+"""The executable as its user meets it: exit status, one line for every mistake, JSON that programs rely on."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from handsight.cli.app import NOUNS, run
+from handsight.datasets import GraspDataset
+
+
+@pytest.fixture(scope="module")
+def demo_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The whole demo, as small as it can be."""
+    out = tmp_path_factory.mktemp("cli") / "demo"
+    assert run(["demo", "--out", str(out), "--attempts", "40", "--trials", "2"]) == 0
+    return out
+
+
+def json_of(capsys: pytest.CaptureFixture[str], *words: str) -> Any:
+    capsys.readouterr()
+    assert run(words) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+def test_the_demo_leaves_what_it_promises(demo_folder: Path) -> None:
+    names = {path.name for path in demo_folder.iterdir()}
+    assert {"grasps", "run", "results.json", "results.png", "heatmaps.rrd", "servo_trace.rrd"} <= names
+    results = json.loads((demo_folder / "results.json").read_text())
+    rows = {row["method"]: row for row in results["rows"]}
+    assert set(rows) == {"random", "cem-1", "first-order"}
+    for row in rows.values():
+        assert {"method", "objects", "trials", "successes", "rate", "ci95", "step_ms", "mean_steps"} <= set(row)
+        assert row["trials"] == 2
+        low, high = row["ci95"]
+        assert 0 <= low <= row["rate"] <= high <= 1
+    card = json.loads((demo_folder / "run" / "run.json").read_text())
+    assert card["origin"]["digest"] == GraspDataset.open(str(demo_folder / "grasps")).digest
+
+
+def test_the_demo_again_does_nothing_twice(demo_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    written = {path: path.stat().st_mtime_ns for path in (demo_folder / "results.json", demo_folder / "run/run.json")}
+    snapshot = GraspDataset.open(str(demo_folder / "grasps")).snapshot_id
+    assert run(["demo", "--out", str(demo_folder), "--attempts", "40", "--trials", "2"]) == 0
+    assert {path: path.stat().st_mtime_ns for path in written} == written
+    assert GraspDataset.open(str(demo_folder / "grasps")).snapshot_id == snapshot
+    assert "cem-1" in capsys.readouterr().out
+
+
+def test_info_and_ls_and_show_agree(demo_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    dataset = str(demo_folder / "grasps")
+    info = json_of(capsys, "dataset", "info", dataset, "--json")
+    keys = {"attempts", "successes", "excluded", "snapshot", "ref", "schema_version", "bytes", "digest"}
+    assert keys <= set(info)
+    listed = json_of(capsys, "dataset", "ls", dataset, "--limit", "0", "--json")
+    assert info["attempts"] == len(listed) == 40
+    assert info["successes"] == sum(row["outcome"] == "held" for row in listed)
+    shown = json_of(capsys, "dataset", "show", dataset, listed[7]["attempt"], "--json")
+    assert shown["pregrasp_x_m"] == listed[7]["pregrasp_x_m"]
+    assert shown["station"]["camera"]["intrinsics"]["width"] == 640
+    assert run(["dataset", "show", dataset, listed[7]["attempt"]]) == 0
+    assert listed[7]["attempt"] in capsys.readouterr().out
+
+
+def test_releases_are_addressed_and_immutable(demo_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    dataset = str(demo_folder / "grasps")
+    assert run(["dataset", "release", dataset, "v1", "-m", "for the test"]) == 0
+    assert json_of(capsys, "dataset", "info", f"{dataset}@v1", "--json")["ref"] == "v1"
+    assert "v1" in {ref for entry in json_of(capsys, "dataset", "log", dataset, "--json") for ref in entry["refs"]}
+    assert run(["dataset", "release", dataset, "v1"]) == 2
+    assert "choose another name" in capsys.readouterr().err
+
+
+def test_evaluate_prints_the_contract(demo_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["evaluate", "--model", str(demo_folder / "run"), "--methods", "random", "--trials", "1", "-w", "1"]
+    (row,) = json_of(capsys, *words, "--json")["rows"]
+    assert (row["method"], row["objects"], row["trials"]) == ("random", "blocks-test", 1)
+
+
+def test_heatmaps_and_servo_runs_are_written(demo_folder: Path, tmp_path: Path) -> None:
+    model = str(demo_folder / "run")
+    heatmaps, trace = tmp_path / "h.rrd", tmp_path / "s.rrd"
+    dataset = str(demo_folder / "grasps")
+    assert run(["heatmap", dataset, "--model", model, "--out", str(heatmaps), "-n", "1", "--spacing", "40"]) == 0
+    assert run(["servo", "--model", model, "--out", str(trace), "--method", "first-order", "--trial", "1"]) == 0
+    assert heatmaps.read_bytes()[:4] == trace.read_bytes()[:4] == b"RRF2"
+
+
+def mistakes(out: Path) -> dict[str, tuple[list[str], str]]:
+    """What newcomers type, and what the one line has to say."""
+    grasps, model, new = str(out / "grasps"), str(out / "run"), str(out / "new")
+    return {
+        "no dataset": (["dataset", "info", str(out / "nothing")], "there is no dataset"),
+        "no ref": (["dataset", "info", f"{grasps}@v9"], "no release, branch or snapshot 'v9'"),
+        "no attempt": (["dataset", "show", grasps, "01ARZ3NDEKTSV4RRFFQ69G5FAV-000000"], "no attempt"),
+        "init twice": (["dataset", "init", grasps], "already"),
+        "a file for a dataset": (["dataset", "info", str(out / "results.json")], "a file"),
+        "a file for a new dataset": (["collect", "sim", str(out / "results.json"), "-n", "1"], "a file"),
+        "a file for the demo": (["demo", "--out", str(out / "results.json")], "a file"),
+        "a file for a run": (["train", grasps, "--out", str(out / "results.json")], "is a file"),
+        "another folder for a run": (["train", grasps, "--out", grasps], "holds other files"),
+        "objects": (["collect", "sim", new, "--objects", "blorks"], "unknown object set 'blorks'"),
+        "negative attempts": (["collect", "sim", new, "-n", "-4"], "attempts is -4"),
+        "no workers": (["collect", "sim", new, "-w", "0"], "workers is 0"),
+        "session again": (["collect", "sim", grasps, "-n", "40"], "--resume"),
+        "methods": (["evaluate", "--model", model, "--methods", "luck"], "unknown servo method 'luck'"),
+        "random servo": (["servo", "--model", model, "--method", "random"], "does not servo"),
+        "negative trials": (["evaluate", "--model", model, "--trials", "-1"], "trials is -1"),
+        "no model": (["evaluate", "--model", grasps], "holds no finished run"),
+        "objects to evaluate": (["evaluate", "--model", model, "--objects", "x"], "unknown object set 'x'"),
+        "threshold": (["evaluate", "--model", model, "--threshold", "7"], "threshold is 7.0"),
+        "negative epochs": (["train", grasps, "--out", new, "--epochs", "-2"], "-2 epochs"),
+    }
+
+
+@pytest.mark.parametrize("name", mistakes(Path()))
+def test_mistakes_get_one_line_and_status_2(demo_folder: Path, capsys: pytest.CaptureFixture[str], name: str) -> None:
+    words, said = mistakes(demo_folder)[name]
+    before = GraspDataset.open(str(demo_folder / "grasps")).snapshot_id
+    capsys.readouterr()
+    assert run(words) == 2
+    captured = capsys.readouterr()
+    (line,) = captured.err.splitlines()
+    assert line.startswith("error: ")
+    assert said in line
+    assert captured.out == ""
+    assert GraspDataset.open(str(demo_folder / "grasps")).snapshot_id == before
+    assert not (demo_folder / "new").exists()
+
+
+@pytest.mark.parametrize("words", [["--hepl"], ["datasett"], ["collect", "sim"], ["train", "x", "--channels", "uv"]])
+def test_usage_errors_have_status_2(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(words) == 2
+    assert "Usage" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("noun", [noun.name for noun in NOUNS])
+def test_every_noun_has_help(noun: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run([noun, "--help"]) == 0
+    assert "Usage" in capsys.readouterr().out
+
+
+def test_help_loads_nothing_heavy() -> None:
+    """The first thing a newcomer types should not take seconds."""
+    code = (
+        "import sys\n"
+        "from handsight.cli.app import run\n"
+        "status = run(['--help'])\n"
+        "heavy = {'torch', 'pybullet', 'rerun', 'icechunk', 'pandas'} & set(sys.modules)\n"
+        "sys.exit(f'loaded {heavy}' if heavy else status)\n"
+    )
+    done = subprocess.run([sys.executable, "-P", "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "dataset" in done.stdout
+
+
+def test_the_executable_prints_its_version() -> None:
+    executable = Path(sys.executable).with_name("handsight")
+    done = subprocess.run([executable, "--version"], capture_output=True, text=True, check=True)
+    assert done.stdout.strip().count(".") == 2

@@ -1,0 +1,90 @@
+"""The picture: closed-form table against the rasterised one, objects in front of it, the arm nowhere."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from handsight.collection.sim.arm import Arm
+from handsight.collection.sim.arm_model import temporary_arm_urdf
+from handsight.collection.sim.camera import camera_pose, render, render_objects
+from handsight.collection.sim.config import D435_ON_GRIPPER, SimConfig
+from handsight.collection.sim.engine import connect
+from handsight.collection.sim.engine import pybullet as pb
+from handsight.collection.sim.table import TABLE_CENTRE_M, TABLE_HALF_SIZE_M, plane_depth_m, wooden_table
+from handsight.servoing.planar import PlanarPose
+
+INTRINSICS = D435_ON_GRIPPER.intrinsics
+POSE = PlanarPose(x_m=0.62, y_m=0.03, angle_rad=0.5)
+
+
+def test_table_matches_the_rasterised_one(tmp_path: Path) -> None:
+    """Same picture and same depth as PyBullet draws of a textured square, tilted camera included."""
+    top = wooden_table(np.random.default_rng(0))
+    tilted = POSE.pose_base_tool(0.45)
+    tilted[:3, :3] = tilted[:3, :3] @ cv2.Rodrigues(np.array([0.05, -0.04, 0.0]))[0]
+    pose_base_camera = camera_pose(D435_ON_GRIPPER, tilted)
+    cv2.imwrite(str(tmp_path / "wood.png"), cv2.cvtColor(top.texture[::-1], cv2.COLOR_RGB2BGR))
+    half = TABLE_HALF_SIZE_M
+    lines = [f"v {x} {y} 0" for x, y in ((-half, -half), (half, -half), (half, half), (-half, half))]
+    lines += ["vt 0 0", "vt 1 0", "vt 1 1", "vt 0 1", "vn 0 0 1", "f 1/1/1 2/2/1 3/3/1", "f 1/1/1 3/3/1 4/4/1"]
+    (tmp_path / "square.obj").write_text("\n".join(lines), encoding="utf-8")
+    engine = connect()
+    try:
+        mesh = engine.createVisualShape(pb.GEOM_MESH, fileName=str(tmp_path / "square.obj"))
+        body = engine.createMultiBody(0, -1, mesh, (*TABLE_CENTRE_M, 0.0))
+        engine.changeVisualShape(body, -1, textureUniqueId=engine.loadTexture(str(tmp_path / "wood.png")))
+        raster_rgb, raster_depth_m = render_objects(engine, INTRINSICS, pose_base_camera)
+    finally:
+        engine.disconnect()
+    drawn_rgb, drawn_depth_m = top.draw(INTRINSICS, pose_base_camera)
+    assert np.abs(drawn_depth_m - raster_depth_m).max() < 5e-4
+    # The renderer shades the table by one factor; texture coordinates have to agree, so compare the pattern.
+    a, b = drawn_rgb.astype(float).mean(2), raster_rgb.astype(float).mean(2)
+    assert np.corrcoef(a.ravel(), b.ravel())[0, 1] > 0.98
+
+
+def test_plane_depth_of_a_level_camera_is_its_height() -> None:
+    depth_m = plane_depth_m(INTRINSICS, camera_pose(D435_ON_GRIPPER, POSE.pose_base_tool(0.4)))
+    np.testing.assert_allclose(depth_m, 0.5, atol=1e-12)
+
+
+def test_objects_hide_the_table_and_are_measured() -> None:
+    engine = connect()
+    try:
+        box = engine.createVisualShape(pb.GEOM_BOX, halfExtents=(0.02, 0.02, 0.03), rgbaColor=(1, 0, 0, 1))
+        engine.createMultiBody(0, -1, box, (POSE.x_m, POSE.y_m, 0.03))
+        rgb, depth = render(
+            engine,
+            wooden_table(np.random.default_rng(0)),
+            D435_ON_GRIPPER,
+            POSE.pose_base_tool(0.4),
+            depth_scale_m=0.001,
+        )
+    finally:
+        engine.disconnect()
+    top = depth == 440  # camera at 0.5 m, box top at 0.06 m
+    assert 1500 < top.sum() < 4000
+    assert depth.max() == 500
+    assert (rgb[top][:, 0] > 2 * rgb[top][:, 1].astype(int)).all()
+    columns = np.nonzero(top)[1]
+    assert columns.mean() == pytest.approx(INTRINSICS.cx, abs=1.0)
+
+
+@pytest.mark.parametrize("height_m", [0.5, 0.4, 0.2])
+@pytest.mark.parametrize("width_m", [0.0, 0.085])
+def test_the_arm_is_not_in_the_picture(height_m: float, width_m: float) -> None:
+    """With all its meshes loaded the arm covers not one pixel, so leaving it undrawn changes nothing."""
+    folder, urdf = temporary_arm_urdf(with_visuals=True)
+    engine = connect()
+    try:
+        arm = Arm(engine, urdf, SimConfig(gripper_stroke_m=width_m or 0.005))
+        arm.place(POSE.pose_base_tool(height_m))
+        _, depth_m = render_objects(engine, INTRINSICS, camera_pose(D435_ON_GRIPPER, arm.pose_base_tool))
+    finally:
+        engine.disconnect()
+        folder.cleanup()
+    assert not np.isfinite(depth_m).any()

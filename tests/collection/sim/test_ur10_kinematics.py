@@ -1,0 +1,55 @@
+"""Closed-form inverse kinematics against PyBullet's forward kinematics of the shipped URDF."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from handsight.collection.errors import UnreachableError
+from handsight.collection.sim.arm import Arm
+from handsight.collection.sim.arm_model import temporary_arm_urdf
+from handsight.collection.sim.config import SimConfig
+from handsight.collection.sim.engine import connect
+from handsight.collection.sim.kinematics import JOINT_LIMITS_RAD, REFERENCE_RAD, joints_for
+from handsight.servoing.planar import PlanarPose
+
+
+@pytest.fixture(scope="module")
+def arm() -> Iterator[Arm]:
+    folder, urdf = temporary_arm_urdf()
+    engine = connect()
+    yield Arm(engine, urdf, SimConfig())
+    engine.disconnect()
+    folder.cleanup()
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    x_m=st.floats(0.35, 0.95), y_m=st.floats(-0.35, 0.35), angle_rad=st.floats(-1.57, 1.57), height_m=st.floats(0, 0.5)
+)
+def test_fingertips_arrive_where_they_were_sent(
+    arm: Arm, x_m: float, y_m: float, angle_rad: float, height_m: float
+) -> None:
+    goal = PlanarPose(x_m=x_m, y_m=y_m, angle_rad=angle_rad).pose_base_tool(height_m)
+    arm.place(goal)
+    np.testing.assert_allclose(arm.pose_base_tool, goal, atol=1e-6)
+
+
+@given(x_m=st.floats(0.45, 0.85), y_m=st.floats(-0.2, 0.2), dx_m=st.floats(-0.01, 0.01), dy_m=st.floats(-0.01, 0.01))
+def test_neighbouring_poses_have_neighbouring_joints(x_m: float, y_m: float, dx_m: float, dy_m: float) -> None:
+    """The arm stays on one branch: a centimetre never flips elbow or wrist."""
+    here = joints_for(PlanarPose(x_m=x_m, y_m=y_m, angle_rad=0.3).pose_base_tool(0.2), REFERENCE_RAD)
+    there = joints_for(PlanarPose(x_m=x_m + dx_m, y_m=y_m + dy_m, angle_rad=0.3).pose_base_tool(0.2), here)
+    assert np.abs(there - here).max() < 0.2
+    assert (np.abs(there) <= JOINT_LIMITS_RAD).all()
+
+
+@pytest.mark.parametrize("x_m", [1.25, 3.0])
+def test_out_of_reach_is_said_with_the_place(x_m: float) -> None:
+    pose = PlanarPose(x_m=x_m, y_m=0.0, angle_rad=0.0).pose_base_tool(0.4)
+    with pytest.raises(UnreachableError, match=rf"descend: .*{x_m:.3f}"):
+        joints_for(pose, REFERENCE_RAD, phase="descend")

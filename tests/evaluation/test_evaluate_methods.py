@@ -1,0 +1,72 @@
+"""Trials on the real simulator: paired, reproducible, independent of the number of workers."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from handsight.collection.sim.config import SimConfig
+from handsight.collection.sim.station import SimStation, SimStationFactory
+from handsight.evaluation.evaluate import BenchFactory, EvaluationSettings, evaluate, record_trial
+from handsight.evaluation.trial import Trial, run_trial
+from handsight.servoing.homography import InputGrid
+from handsight.servoing.loop import ServoSettings
+from handsight.training.gqn import GqnConfig, GraspQualityNetwork
+from handsight.training.run import DataOrigin, save_run
+from handsight.training.trainer import TrainSettings
+
+METHODS = ("random", "cem-1", "first-order")
+
+
+@pytest.fixture(scope="module")
+def factory(tmp_path_factory: pytest.TempPathFactory) -> BenchFactory:
+    """An untrained network: what it prefers is arbitrary, that it is followed is what is tested."""
+    run = tmp_path_factory.mktemp("evaluate") / "run"
+    torch.manual_seed(0)
+    origin = DataOrigin(dataset="none", ref="main", snapshot="", digest="", view="overhead", attempts=0)
+    network = GraspQualityNetwork(GqnConfig())
+    save_run(run, network, origin=origin, grid=InputGrid(), settings=TrainSettings(), history=())
+    return BenchFactory(open_station=SimStationFactory(config=SimConfig(objects="blocks-test")), run=run)
+
+
+def comparable(trials: list[Trial]) -> list[Trial]:
+    return [replace(trial, compute_s=0.0) for trial in trials]
+
+
+def test_results_do_not_depend_on_workers(factory: BenchFactory) -> None:
+    settings = EvaluationSettings(methods=METHODS, trials=3, workers=1, seed=4)
+    alone = evaluate(factory, settings)
+    together = evaluate(factory, replace(settings, workers=2))
+    assert comparable(alone) == comparable(together)
+    assert [(trial.number, trial.method) for trial in alone] == [(n, m) for n in range(3) for m in METHODS]
+    assert all(trial.moves > 0 for trial in alone if trial.method != "random")
+
+
+def test_methods_begin_alike(factory: BenchFactory) -> None:
+    """Same scene, same overhead picture, same first view: only the method differs."""
+    recordings = [record_trial(factory, name, 0, seed=4, servo=ServoSettings()) for name in ("cem-1", "first-order")]
+    first, second = recordings
+    assert first is not None
+    assert second is not None
+    np.testing.assert_array_equal(first.overhead.rgb, second.overhead.rgb)
+    assert first.trace.steps[0].pose == second.trace.steps[0].pose
+    assert first.trace.steps[0].score == second.trace.steps[0].score
+    assert first.trace.steps[1].pose != second.trace.steps[1].pose
+
+
+def test_a_confident_network_grasps_at_once() -> None:
+    station = SimStation(SimConfig(objects="blocks-test"))
+    try:
+        trial, recording = run_trial(
+            station, lambda inputs: torch.ones(len(inputs)), "cem-1", 1, seed=4, settings=ServoSettings()
+        )
+        blind, _ = run_trial(station, None, "random", 1, seed=4, settings=ServoSettings())
+    finally:
+        station.close()
+    assert recording is not None
+    assert recording.trace.confident
+    assert (trial.moves, trial.success) == (0, blind.success)
+    assert trial.truth_held == blind.truth_held

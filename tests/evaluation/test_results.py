@@ -1,0 +1,57 @@
+from __future__ import annotations
+
+import pytest
+
+from handsight.evaluation.errors import EvaluationSettingsError, UnknownMethodError
+from handsight.evaluation.evaluate import EvaluationSettings
+from handsight.evaluation.methods import METHODS, check_methods
+from handsight.evaluation.results import result_rows, wilson_95
+from handsight.evaluation.trial import Trial
+
+
+def trial(method: str, success: bool, moves: int = 0, compute_s: float = float("nan")) -> Trial:
+    return Trial(
+        number=0, method=method, success=success, failure="", moves=moves, compute_s=compute_s, truth_held=success
+    )
+
+
+def test_wilson_interval_against_published_values() -> None:
+    """Newcombe (1998), Statistics in Medicine 17, table I: 81 of 263 and 0 of 20 by method 3."""
+    assert wilson_95(81, 263) == pytest.approx((0.2553, 0.3662), abs=5e-5)
+    assert wilson_95(0, 20) == pytest.approx((0.0, 0.1611), abs=5e-5)
+
+
+def test_no_trials_say_nothing() -> None:
+    assert wilson_95(0, 0) == (0.0, 1.0)
+
+
+def test_rows_summarise_each_method() -> None:
+    trials = [
+        trial("random", False),
+        trial("cem-1", True, moves=2, compute_s=0.010),
+        trial("random", True),
+        trial("cem-1", True, moves=4, compute_s=0.030),
+    ]
+    random, cem = result_rows(trials, objects="blocks-test", methods=["random", "cem-1"])
+    assert (random["trials"], random["successes"], random["rate"]) == (2, 1, 0.5)
+    assert random["step_ms"] is None
+    assert random["mean_steps"] is None
+    assert (cem["successes"], cem["step_ms"], cem["mean_steps"]) == (2, pytest.approx(20.0), 3.0)
+    assert cem["ci95"] == wilson_95(2, 2)
+
+
+def test_methods_are_checked_all_at_once() -> None:
+    assert check_methods(["cem-1", "random", "cem-1"]) == ("cem-1", "random")
+    with pytest.raises(UnknownMethodError) as caught:
+        check_methods(["newton", "random", "luck"])
+    for part in ("'luck'", "'newton'", *METHODS):
+        assert part in str(caught.value)
+    with pytest.raises(UnknownMethodError, match="no servo method given"):
+        check_methods([])
+
+
+def test_bad_settings_report_every_fault() -> None:
+    with pytest.raises(EvaluationSettingsError) as caught:
+        EvaluationSettings(methods=("random",), trials=-3, workers=0, seed=-1)
+    for part in ("trials is -3", "workers is 0", "seed is -1"):
+        assert part in str(caught.value)

@@ -1,0 +1,44 @@
+"""Opening and closing Rerun files so that they are whole, and equal for equal content."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import rerun as rr
+import rerun.blueprint as rrb
+
+from handsight.viz.errors import RecordingError
+
+
+@contextmanager
+def write_recording(path: Path, *, kind: str, name: str, blueprint: rrb.Blueprint) -> Iterator[rr.RecordingStream]:
+    """A stream into ``path``, which appears there only when the block ends without an error.
+
+    Recordings carry no wall-clock timeline, start time or host name: equal content gives equal tables.
+
+    Args:
+        path: The ``.rrd`` file; an existing one is replaced.
+        kind: Application id. The viewer remembers one layout per kind.
+        name: Recording id and title.
+        blueprint: The layout, stored in the file.
+
+    Raises:
+        RecordingError: ``path`` is a folder or lies in none.
+    """
+    if path.is_dir() or not path.parent.is_dir():
+        raise RecordingError(f"cannot write a recording to {str(path)!r}, expected a file name in an existing folder")
+    partial = path.with_name(f".{path.name}.partial")
+    recording = rr.RecordingStream(kind, recording_id=name, send_properties=False)
+    try:
+        recording.set_log_time_enabled(False)
+        recording.set_log_tick_enabled(False)
+        recording.save(partial, default_blueprint=blueprint)
+        recording.send_recording_name(name)
+        yield recording
+        recording.disconnect()
+        partial.replace(path)
+    finally:
+        recording.disconnect()
+        partial.unlink(missing_ok=True)

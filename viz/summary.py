@@ -1,0 +1,62 @@
+"""The text beside a servo trace."""
+
+from __future__ import annotations
+
+import math
+
+import rerun as rr
+
+from handsight.evaluation.trial import TrialRecording
+from handsight.servoing.loop import ServoStep
+
+
+def outcome(recording: TrialRecording) -> str:
+    """One or two words for how the trial ended."""
+    trial = recording.trial
+    return "failed" if trial.failure else "held" if trial.success else "empty"
+
+
+def compute_ms(compute_s: float) -> str:
+    """Time per servo step, where there is one."""
+    return "—" if math.isnan(compute_s) else f"{1e3 * compute_s:.0f} ms"
+
+
+def trial_summary(recording: TrialRecording) -> rr.TextDocument:
+    """Markdown: how the trial ended, then what every servo step saw and chose."""
+    trial, trace = recording.trial, recording.trace
+    verdict = "threshold reached" if trace.confident else "best pose seen, below the threshold"
+    rows = [
+        ("grasp", f"**{outcome(recording)}**" + (f" ({trial.failure})" if trial.failure else "")),
+        ("final S", f"{trace.grasp_score:.3f}, {verdict}"),
+        ("threshold", f"{trace.threshold:.2f}"),
+        ("moves", str(trial.moves)),
+        ("compute", f"{compute_ms(trial.compute_s)} per step"),
+    ]
+    if trial.truth_held is not None:
+        rows.append(("truth", "object held" if trial.truth_held else "nothing held"))
+    table = [f"| {name} | {value} |" for name, value in rows]
+    # Markdown tables need a head: the first row is one.
+    lines = [f"# {trace.method} · trial {trial.number}", "", table[0], "|:--|:--|", *table[1:]]
+    return rr.TextDocument("\n".join(lines) + "\n", media_type="text/markdown")
+
+
+def step_table(recording: TrialRecording) -> rr.TextDocument:
+    """Markdown: what every servo step saw and chose, for reading off numbers."""
+    lines = ["| step | S(p) | S(p+Δp) | Δx mm | Δy mm | Δθ ° | compute |", "|--:|--:|--:|--:|--:|--:|--:|"]
+    lines += [_step_row(number, step) for number, step in enumerate(recording.trace.steps)]
+    return rr.TextDocument("\n".join(lines) + "\n", media_type="text/markdown")
+
+
+def _step_row(number: int, step: ServoStep) -> str:
+    cells = [str(number), f"{step.score:.3f}"]
+    if step.proposal is None:
+        cells += ["—"] * 4
+    else:
+        dx_m, dy_m, dangle_rad = step.proposal.step.tolist()
+        cells += [
+            f"{step.predicted:.3f}",
+            f"{1e3 * dx_m:+.1f}",
+            f"{1e3 * dy_m:+.1f}",
+            f"{math.degrees(dangle_rad):+.1f}",
+        ]
+    return "| " + " | ".join([*cells, compute_ms(step.compute_s)]) + " |"
