@@ -74,6 +74,10 @@ class Bar:
         """So many are done now."""
         self._progress.update(self._task, completed=count, note=note)
 
+    def of(self, count: int, total: int) -> None:
+        """So many of a total that became known only now are done."""
+        self._progress.update(self._task, completed=count, total=total)
+
 
 @contextmanager
 def progress_bar(label: str, total: int) -> Iterator[Bar]:

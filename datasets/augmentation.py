@@ -1,7 +1,8 @@
 """Augmentation of network inputs (section V-A): mirrored both ways, brightness varied, pixels noisy.
 
-Mirroring keeps the label because the gripper is symmetric and the input is centred on the grasp. Nothing here moves the
-picture against the gripper, which would change what the label means.
+Mirroring keeps the label because the gripper is symmetric and the input is centred on the grasp. Beyond the paper, inputs
+are turned and shifted by a little: a grasp a few millimetres beside a good one is still likely to be good, and a network
+that has to say so is far less sure of itself where it should not be (docs/decisions/007-inputs-are-moved-a-little.md).
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from dataclasses import dataclass
 
 import torch
 from torch import Tensor
+from torch.nn import functional
 
 MIRRORINGS = 4
 """As recorded, left-right, top-bottom, both."""
@@ -35,9 +37,14 @@ class Jitter:
     """Standard deviation of the noise on each pixel's colours, which lie in [0, 1]."""
     height_noise_m: float = 0.001
     """Standard deviation of the noise on each pixel's height [m]."""
+    turn_rad: float = 0.17
+    """Inputs are turned by up to this, either way, about the grasp point."""
+    shift: float = 1.5 / 64
+    """Inputs are shifted by up to this share of their width, either way, in both directions; 7 mm at pre-grasp height."""
 
     def __call__(self, inputs: Tensor, generator: torch.Generator) -> Tensor:
         """A varied copy of a batch. (B, 4, size, size) -> (B, 4, size, size)."""
+        inputs = self._moved(inputs, generator)
         factor = 1 + self.brightness * (2 * torch.rand(len(inputs), 1, 1, 1, generator=generator) - 1)
         colours, height_m = inputs[:, _COLOURS], inputs[:, _HEIGHT]
         return torch.cat(
@@ -47,3 +54,18 @@ class Jitter:
             ],
             dim=1,
         )
+
+    def _moved(self, inputs: Tensor, generator: torch.Generator) -> Tensor:
+        """Each input turned and shifted a little; edges are replicated. (B, 4, size, size) -> the same shape."""
+        if self.turn_rad == 0 and self.shift == 0:
+            return inputs
+        batch = len(inputs)
+        angle_rad = self.turn_rad * (2 * torch.rand(batch, generator=generator) - 1)
+        # In units of half a width, as affine_grid has it.
+        shift = 2 * self.shift * (2 * torch.rand(batch, 2, generator=generator) - 1)
+        cos, sin = torch.cos(angle_rad), torch.sin(angle_rad)
+        maps = torch.stack(
+            [torch.stack([cos, -sin, shift[:, 0]], -1), torch.stack([sin, cos, shift[:, 1]], -1)], 1
+        )  # (B, 2, 3)
+        points = functional.affine_grid(maps, list(inputs.shape), align_corners=False)
+        return functional.grid_sample(inputs, points, padding_mode="border", align_corners=False)

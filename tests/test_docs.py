@@ -7,9 +7,9 @@ import shlex
 from collections.abc import Iterator
 from pathlib import Path
 
-from typer.testing import CliRunner
+import pytest
 
-from handsight.cli.app import app
+from handsight.cli.app import run
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCUMENTS = sorted(
@@ -70,16 +70,14 @@ def test_every_relative_link_leads_somewhere() -> None:
     assert [fault for document in DOCUMENTS for fault in broken_links(document)] == []
 
 
-def test_every_quoted_command_parses() -> None:
+def test_every_quoted_command_parses(capsys: pytest.CaptureFixture[str]) -> None:
     # `--help` answers before values are converted, so that a placeholder may stand for a number or a folder, yet only
     # after the words were taken as commands, options and arguments that exist.
     calls = list(quoted_commands("handsight"))
-    runner = CliRunner()
     faults = []
     for document, words in calls:
-        run = runner.invoke(app, [*words, "--help"])
-        if run.exit_code != 0:
-            faults.append(f"{document}: handsight {shlex.join(words)}\n{run.output}")
+        if run([*words, "--help"]) != 0:
+            faults.append(f"{document}: handsight {shlex.join(words)}\n{capsys.readouterr().err}")
     assert faults == []
     assert any(document == "README.md" for document, _ in calls), "the README shows no call of handsight"
 

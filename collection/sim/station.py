@@ -30,8 +30,9 @@ STALLED_SPEED_M_S = 0.002
 STALLED_TICKS = 6
 TABLE_SEED = 0
 SHAKE_AMPLITUDE_M = 0.03
-HELD_HEIGHT_M = 0.05
-"""An object whose centre is this far above the table after the lift, 0.25 m up, is held in truth."""
+HELD_HEIGHT_M = 0.12
+"""An object whose centre is this far above the table after the lift, 0.25 m up, is held in truth. Tall objects that
+stand on the table have their centres below."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
