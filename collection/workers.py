@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import atexit
 import multiprocessing
+import os
 import signal
+import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
@@ -36,11 +38,25 @@ _bench: Any = None
 
 
 def _open_bench(open_bench: Callable[[], Closable]) -> None:
+    _leave_with_the_parent()
     # Ctrl-C reaches the whole process group; the parent alone decides how to stop.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     global _bench
     _bench = open_bench()
     atexit.register(_bench.close)
+
+
+def _leave_with_the_parent() -> None:
+    """End this process when the parent is gone, even killed: a pool's workers would wait for tasks for ever."""
+    parent = multiprocessing.parent_process()
+    if parent is None:
+        return
+
+    def watch() -> None:
+        parent.join()
+        os._exit(1)
+
+    threading.Thread(target=watch, name="watch-parent", daemon=True).start()
 
 
 def _answer(work: Callable[[Any, Any], Any], task: Any) -> Any:

@@ -22,7 +22,8 @@ def projection_matrix(intrinsics: Intrinsics) -> NDArray[np.float64]:
     """OpenGL clip matrix of a pinhole camera. Shape (4, 4).
 
     OpenGL samples pixels half way between their edges; this renderer samples them at their left and lower edge, which
-    is where the offsets of 0 and 1 come from. With them, views and homography agree to a twentieth of a pixel (a test shows it).
+    is where the offsets of 0 and 1 come from. With them, views and homography agree to a twentieth of a pixel; a test
+    shows it.
     """
     k = intrinsics
     matrix = np.zeros((4, 4))

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import select
 import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -88,6 +91,46 @@ def test_a_killed_worker_costs_no_finished_attempt(whole: Path, tmp_path: Path) 
         collect(repository, FACTORY, settings, on_attempt=kill_a_worker)
     assert 2 <= GraspDataset.open(str(tmp_path / "grasps")).info().attempts < 9
     collect(repository, FACTORY, settings, resume=True)
+    assert GraspDataset.open(str(tmp_path / "grasps")).digest == GraspDataset.open(str(whole)).digest
+
+
+COLLECT_AND_TELL = """
+import multiprocessing, sys
+from handsight.collection.collector import CollectSettings, collect
+from handsight.collection.sim.config import SimConfig
+from handsight.collection.sim.station import SimStationFactory
+from handsight.datasets import GraspRepository
+
+def tell(attempt, held):
+    print(held, *[child.pid for child in multiprocessing.active_children()], flush=True)
+
+if __name__ == "__main__":
+    settings = CollectSettings(attempts=9, seed=11, workers=2, commit_every=2)
+    factory = SimStationFactory(config=SimConfig())
+    collect(GraspRepository.open_or_create(sys.argv[1]), factory, settings, on_attempt=tell)
+"""
+
+
+def test_a_killed_writer_takes_its_workers_along_and_is_resumed(whole: Path, tmp_path: Path) -> None:
+    script = tmp_path / "collect_and_tell.py"
+    script.write_text(COLLECT_AND_TELL)
+    with subprocess.Popen([sys.executable, "-P", script, tmp_path / "grasps"], stdout=subprocess.PIPE) as writer:
+        assert writer.stdout is not None
+        told = [writer.stdout.readline().split() for _ in range(3)][-1]
+        gone = select.poll()
+        for worker in map(int, told[1:]):
+            gone.register(os.pidfd_open(worker), select.POLLIN)
+        writer.kill()
+    ended = 0
+    while ended < len(told) - 1:
+        ready = gone.poll(60_000)
+        assert ready, "workers go on without their writer"
+        for descriptor, _ in ready:
+            gone.unregister(descriptor)
+            os.close(descriptor)
+            ended += 1
+    assert 2 <= GraspDataset.open(str(tmp_path / "grasps")).info().attempts <= 4
+    collected(tmp_path / "grasps", attempts=9, seed=11, workers=1, resume=True)
     assert GraspDataset.open(str(tmp_path / "grasps")).digest == GraspDataset.open(str(whole)).digest
 
 
