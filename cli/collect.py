@@ -16,7 +16,7 @@ from handsight.datasets.records import GraspAttempt
 
 collect_app = typer.Typer(help="Collect grasp attempts into a dataset.", no_args_is_help=True)
 
-DEFAULT_OBJECTS = "blocks-train"
+DEFAULT_OBJECTS = "household-train"
 
 
 @collect_app.command("sim")
@@ -50,7 +50,7 @@ def collect_sim(
 
 
 def collect_with_progress(
-    dataset: Path, factory: SeededStationFactory, settings: CollectSettings, *, resume: bool
+    dataset: str | Path, factory: SeededStationFactory, settings: CollectSettings, *, resume: bool
 ) -> CollectReport:
     """Collect behind a progress bar; Ctrl-C keeps what is finished and says how to go on."""
     repository = GraspRepository.open_or_create(dataset)

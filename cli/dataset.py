@@ -7,6 +7,7 @@ from typing import Annotated, Any
 import pandas as pd
 import typer
 
+from handsight.cli import dataset_checks, dataset_curation, dataset_exchange, dataset_versions
 from handsight.cli.options import Dataset, DatasetPath, Json
 from handsight.cli.output import console, print_json, print_table
 from handsight.datasets import DatasetAddress, GraspDataset, GraspRepository
@@ -28,7 +29,8 @@ def info(dataset: Dataset, as_json: Json = False) -> None:
     if as_json:
         print_json(facts)
         return
-    share = f" ({facts.successes / facts.attempts:.1%})" if facts.attempts else ""
+    labelled = facts.outcomes["held"] + facts.outcomes["empty"]
+    share = f" ({facts.successes / labelled:.1%} of {labelled} labelled)" if labelled else ""
     rows = [
         ("version", f"{facts.ref} ({facts.snapshot})"),
         ("attempts", f"{facts.attempts} in {facts.sessions} session{'' if facts.sessions == 1 else 's'}"),
@@ -54,15 +56,16 @@ def ls(
     as_json: Json = False,
 ) -> None:
     """List attempts, newest last."""
-    attempts = GraspDataset.open(dataset).attempts
-    shown = attempts.tail(limit) if limit else attempts
+    opened = GraspDataset.open(dataset)
+    total = sum(session.attempts for session in opened.sessions)
+    shown = opened.tail(limit or total)
     if as_json:
         print_json([{"attempt": key, **_json_row(row)} for key, row in shown.iterrows()])
         return
     rows = [(str(key), *(_cell(row[name]) for name in LS_COLUMNS)) for key, row in shown.iterrows()]
     print_table(("attempt", "outcome", "target", "x [m]", "y [m]", "angle [rad]", "width [m]", "failure"), rows)
-    if len(shown) < len(attempts):
-        console.print(f"the last {len(shown)} of {len(attempts)}; --limit 0 shows all")
+    if len(shown) < total:
+        console.print(f"the last {len(shown)} of {total}; --limit 0 shows all")
 
 
 @dataset_app.command("show")
@@ -74,7 +77,7 @@ def show(
     """Print everything known of an attempt."""
     opened = GraspDataset.open(dataset)
     opened.attempt(attempt)  # checks the id, and every stored byte against its checksum
-    facts = _json_row(opened.attempts.T[attempt])
+    facts = _json_row(opened.rows([attempt]).iloc[0])
     facts["station"] = opened.station(attempt)
     if as_json:
         print_json({"attempt": attempt, **facts})
@@ -117,6 +120,10 @@ def release(
     address = DatasetAddress.parse(dataset)
     made = GraspRepository.open(address.path).release(name, address.ref, message)
     console.print(f"released {address.path}@[bold]{made.name}[/] (snapshot {made.snapshot_id})")
+
+
+for group in (dataset_curation, dataset_versions, dataset_checks, dataset_exchange):
+    group.register(dataset_app)
 
 
 def _json_row(row: pd.Series[Any]) -> dict[str, Any]:

@@ -18,7 +18,7 @@ from handsight.evaluation.trial import Trial
 from handsight.servoing.loop import ServoSettings
 from handsight.training.run import load_run
 
-NOVEL_OBJECTS = "blocks-test"
+NOVEL_OBJECTS = "household-test"
 
 
 def evaluate_command(

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 Dataset = Annotated[str, typer.Argument(metavar="DATASET[@REF]", help="Dataset folder, optionally at a version.")]
-DatasetPath = Annotated[Path, typer.Argument(metavar="DATASET", help="Dataset folder.")]
+DatasetPath = Annotated[str, typer.Argument(metavar="DATASET", help="Dataset folder, or s3://bucket/prefix.")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON value instead of text.")]
 Model = Annotated[Path, typer.Option("--model", metavar="RUN", help="Folder of a trained run.")]
 Seed = Annotated[int, typer.Option("--seed", help="Everything random follows from it.")]

@@ -19,16 +19,24 @@ if __name__ != "handsight.datasets":
     )
 
 from handsight.datasets.address import DatasetAddress
+from handsight.datasets.branches import create_branch, delete_branch
+from handsight.datasets.curation import Curator
+from handsight.datasets.diff import Balance, VersionDiff, diff_versions
 from handsight.datasets.errors import (
     AddressError,
     AttemptNotFoundError,
     CorruptDataError,
+    CurationError,
     DatasetBusyError,
     DatasetError,
     DatasetExistsError,
     DatasetNotFoundError,
+    FoldsError,
     ForkedProcessError,
     HeaderError,
+    InterchangeError,
+    LoaderStateError,
+    MergeError,
     NotADatasetError,
     NoTrainingDataError,
     RecordError,
@@ -39,7 +47,10 @@ from handsight.datasets.errors import (
     SessionNotFoundError,
     SnapshotNotFoundError,
     StorageError,
+    UnknownNameError,
+    WhereError,
 )
+from handsight.datasets.folds import Folds, make_folds, read_folds
 from handsight.datasets.info import DatasetInfo
 from handsight.datasets.reader import GraspDataset
 from handsight.datasets.records import (
@@ -53,9 +64,14 @@ from handsight.datasets.records import (
     StationCard,
 )
 from handsight.datasets.releases import Release
+from handsight.datasets.repair import RepairReport, ResimulateAttempt, repair
 from handsight.datasets.repository import GraspRepository, LogEntry
+from handsight.datasets.revert import revert
 from handsight.datasets.schema import VIEWS, View
+from handsight.datasets.selection import Selection
 from handsight.datasets.sessions import SessionInfo
+from handsight.datasets.upkeep import ExpiryReport, GarbageReport, collect_garbage, expire
+from handsight.datasets.verify import VerifyReport, verify
 from handsight.datasets.writer import SessionWriter
 
 __all__ = [
@@ -63,20 +79,30 @@ __all__ = [
     "VIEWS",
     "AddressError",
     "AttemptNotFoundError",
+    "Balance",
     "CorruptDataError",
+    "CurationError",
+    "Curator",
     "DatasetAddress",
     "DatasetBusyError",
     "DatasetError",
     "DatasetExistsError",
     "DatasetInfo",
     "DatasetNotFoundError",
+    "ExpiryReport",
+    "Folds",
+    "FoldsError",
     "ForkedProcessError",
+    "GarbageReport",
     "GraspAttempt",
     "GraspDataset",
     "GraspRepository",
     "GripperReadings",
     "HeaderError",
+    "InterchangeError",
+    "LoaderStateError",
     "LogEntry",
+    "MergeError",
     "NoTrainingDataError",
     "NotADatasetError",
     "Outcome",
@@ -84,8 +110,11 @@ __all__ = [
     "RefNameError",
     "RefNotFoundError",
     "Release",
+    "RepairReport",
+    "ResimulateAttempt",
     "SceneObjects",
     "SchemaError",
+    "Selection",
     "SessionConflictError",
     "SessionHeader",
     "SessionInfo",
@@ -95,5 +124,19 @@ __all__ = [
     "SnapshotNotFoundError",
     "StationCard",
     "StorageError",
+    "UnknownNameError",
+    "VerifyReport",
+    "VersionDiff",
     "View",
+    "WhereError",
+    "collect_garbage",
+    "create_branch",
+    "delete_branch",
+    "diff_versions",
+    "expire",
+    "make_folds",
+    "read_folds",
+    "repair",
+    "revert",
+    "verify",
 ]

@@ -1,8 +1,9 @@
 """Augmentation of network inputs (section V-A): mirrored both ways, brightness varied, pixels noisy.
 
-Mirroring keeps the label because the gripper is symmetric and the input is centred on the grasp. Beyond the paper, inputs
-are turned and shifted by a little: a grasp a few millimetres beside a good one is still likely to be good, and a network
-that has to say so is far less sure of itself where it should not be (docs/decisions/007-inputs-are-moved-a-little.md).
+Mirroring keeps the label because the gripper is symmetric and the input is centred on the grasp. Beyond the paper,
+inputs are turned and shifted by a little: a grasp a few millimetres beside a good one is still likely to be good, and a
+network that has to say so is far less sure of itself where it should not be
+(docs/decisions/007-inputs-are-moved-a-little.md).
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ class Jitter:
     turn_rad: float = 0.17
     """Inputs are turned by up to this, either way, about the grasp point."""
     shift: float = 1.5 / 64
-    """Inputs are shifted by up to this share of their width, either way, in both directions; 7 mm at pre-grasp height."""
+    """Inputs are shifted by up to this share of their width, either way, in both directions; 7 mm on the table."""
 
     def __call__(self, inputs: Tensor, generator: torch.Generator) -> Tensor:
         """A varied copy of a batch. (B, 4, size, size) -> (B, 4, size, size)."""

@@ -48,11 +48,13 @@ def attempt_digest(attempt: GraspAttempt, station: StationCard) -> bytes:
 
 
 def dataset_digest(attempt_digests: Iterable[bytes]) -> str:
-    """The content of a dataset, as 64 hexadecimal digits, from the digests of its attempts in any order."""
-    digest = hashlib.sha256(_DATASET_PREFIX)
-    for one in sorted(attempt_digests):
-        digest.update(one)
-    return digest.hexdigest()
+    """The content of a dataset, as 64 hexadecimal digits, from the digests of its attempts in any order.
+
+    The bytes may come in any portions: one digest each, or those of a session at once.
+    """
+    rows = np.frombuffer(b"".join(attempt_digests), dtype=f"S{hashlib.sha256().digest_size}")
+    # All are of one length, so the padding that NumPy's byte strings ignore does not affect their order.
+    return hashlib.sha256(_DATASET_PREFIX + np.sort(rows).tobytes()).hexdigest()
 
 
 def object_names(scene: SceneObjects | None, station: StationCard) -> tuple[str, ...]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -15,20 +15,19 @@ import zarr
 from numpy.typing import NDArray
 
 from handsight.datasets.errors import CorruptDataError, StorageError
+from handsight.datasets.place import Place, S3Prefix, storage_at
 
 _MANIFEST_CHUNKS = 1024
 """Chunk references in one manifest. A commit rewrites the last manifest of each array, so without a limit the cost of a
 commit grows with the length of the session."""
 
-_READ_FAILURES = (ValueError, RuntimeError, OSError, KeyError, icechunk.IcechunkError)
+READ_FAILURES = (ValueError, TypeError, RuntimeError, OSError, KeyError, icechunk.IcechunkError)
 """What zarr, the codecs and Icechunk raise for bytes that are damaged or missing."""
 
 
 def local_storage(path: Path) -> icechunk.Storage:
     """Icechunk's view of a local folder, which it creates where there is none."""
-    # It warns that local commits are unsafe; ours hold the dataset's lock.
-    icechunk.set_logs_filter("warn,icechunk::storage::object_store=error")
-    return icechunk.local_filesystem_storage(str(path.resolve()))
+    return storage_at(path)
 
 
 def engine_config() -> icechunk.RepositoryConfig:
@@ -47,7 +46,8 @@ def engine_errors(action: str) -> Iterator[None]:
     try:
         yield
     except icechunk.IcechunkError as error:
-        raise StorageError(f"{action}: {_headline(error)}; check that the disk is writable and not full") from error
+        advice = "check that the disk is writable and not full, or that the bucket is within reach"
+        raise StorageError(f"{action}: {_headline(error)}; {advice}") from error
 
 
 def publish(
@@ -77,12 +77,45 @@ def publish(
     return snapshot_id
 
 
-def sync_file_system(path: Path) -> None:
+def publish_shared(
+    repository: icechunk.Repository,
+    session: icechunk.Session,
+    *,
+    branch: str,
+    message: str,
+    metadata: Mapping[str, Any],
+    check: Callable[[str], None],
+) -> str:
+    """As :func:`publish` for an object store, where no lock reaches and the store itself refuses a stale move.
+
+    Whoever is refused starts again from the new tip, of which ``check`` is told each time.
+
+    Raises:
+        icechunk.RebaseFailedError: The branch has moved and its new commits touch what the session touched.
+    """
+    while True:
+        tip = repository.lookup_branch(branch)
+        check(tip)
+        if session.snapshot_id != tip:
+            session.rebase(icechunk.ConflictDetector())
+        if session.snapshot_id != tip:
+            continue
+        try:
+            return session.commit(message, dict(metadata))
+        except icechunk.ConflictError:
+            continue
+
+
+def sync_file_system(path: Place) -> None:
     """Wait until everything written to the file system under ``path`` is on the disk.
+
+    An object store acknowledges only what is durable, so there is nothing to wait for.
 
     One call for the file system, because Icechunk does not say which files it wrote; a few milliseconds when little
     else is being written. Where there is no ``syncfs``, all file systems are synced.
     """
+    if isinstance(path, S3Prefix):
+        return
     libc = ctypes.CDLL(None, use_errno=True)
     if not hasattr(libc, "syncfs"):
         os.sync()
@@ -128,17 +161,43 @@ def read_rows(array: zarr.Array[Any], start: int, stop: int) -> NDArray[Any]:
     """
     try:
         return np.asarray(array[start:stop])
-    except _READ_FAILURES as error:
+    except READ_FAILURES as error:
         rows = f"row {start}" if stop == start + 1 else f"rows {start} to {stop - 1}"
         raise CorruptDataError(
             f"{array.path} is damaged in {rows}: {_headline(error)}; restore the dataset from a copy"
         ) from error
 
 
+def append_rows(array: zarr.Array[Any], rows: NDArray[Any]) -> None:
+    """Add rows to the end of an array."""
+    start = array.shape[0]
+    array.resize((start + len(rows), *array.shape[1:]))
+    array[start:] = rows
+
+
+def copy_group(source: zarr.Group, parent: zarr.Group, name: str) -> None:
+    """Copy a group with everything in it to a place where there is nothing yet, chunk by chunk.
+
+    Raises:
+        CorruptDataError: Some of it is damaged.
+    """
+    try:
+        target = parent.create_group(name, attributes=source.attrs.asdict())
+        for path, node in sorted(source.members(max_depth=None)):
+            if isinstance(node, zarr.Group):
+                target.create_group(path, attributes=node.attrs.asdict())
+            else:
+                # It keeps chunks and codecs by itself, but neither of these.
+                kept = {"fill_value": node.fill_value, "attributes": node.attrs.asdict()}
+                zarr.from_array(target.store, data=node, name=f"{target.path}/{path}", **kept)
+    except READ_FAILURES as error:
+        raise CorruptDataError(f"{_name(source, '')} cannot be copied: {_headline(error)}") from error
+
+
 def _node(parent: zarr.Group, path: str) -> zarr.Group | zarr.Array[Any]:
     try:
         return parent[path]
-    except _READ_FAILURES as error:
+    except READ_FAILURES as error:
         raise CorruptDataError(f"{_name(parent, path)} cannot be read: {_headline(error)}") from error
 
 

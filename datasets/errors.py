@@ -19,6 +19,7 @@ DatasetError
 ├── FoldsError (ValueError)                    folds that cannot be made, or that leak
 ├── UnknownNameError (LookupError)             no saved view, folds or decision of that name
 ├── NoTrainingDataError (ValueError)           a version from which no network input can be made
+├── LoaderStateError (ValueError)              the state of a loader of other batches
 ├── InterchangeError (ValueError)              a foreign file that cannot be imported, or a place to export to
 ├── MergeError (ValueError)                    sessions that do not belong into one dataset
 ├── CorruptDataError (OSError)                 stored bytes that fail their checksum or are missing
@@ -104,6 +105,10 @@ class UnknownNameError(DatasetError, LookupError):
 
 class NoTrainingDataError(DatasetError, ValueError):
     """No network input can be made from this version."""
+
+
+class LoaderStateError(DatasetError, ValueError):
+    """The state of a loader belongs to other batches; the message lists every difference."""
 
 
 class InterchangeError(DatasetError, ValueError):

@@ -1,47 +1,48 @@
-"""The folder of a dataset: what may be there before, and what is there from the start."""
+"""The place of a dataset: what may be there before, and what is there from the start."""
 
 from __future__ import annotations
 
 import uuid
-from pathlib import Path
 
 import icechunk
 import zarr
 
 from handsight.datasets.address import DEFAULT_REF
-from handsight.datasets.engine import engine_config, local_storage, sync_file_system
+from handsight.datasets.engine import engine_config, engine_errors, sync_file_system
 from handsight.datasets.errors import DatasetExistsError, NotADatasetError, SchemaError
+from handsight.datasets.place import Place, S3Prefix, storage_at
 from handsight.datasets.provenance import utc_now
 from handsight.datasets.releases import LEDGER_BRANCH
 from handsight.datasets.schema import SCHEMA_VERSION, SESSIONS
 
 
-def is_engine_folder(path: Path) -> bool:
-    """Whether an Icechunk store, ours or not, is in the folder. Writes nothing."""
+def is_engine_folder(path: Place) -> bool:
+    """Whether an Icechunk store, ours or not, is there. Writes nothing."""
     # Icechunk creates the folder it is asked about, so it is asked only about folders that look like its own.
-    return (path / "refs").is_dir() and icechunk.Repository.exists(local_storage(path))
+    with engine_errors(f"cannot open {path}"):
+        looks_like_one = isinstance(path, S3Prefix) or (path / "refs").is_dir()
+        return looks_like_one and icechunk.Repository.exists(storage_at(path))
 
 
-def refuse_occupied(path: Path) -> None:
+def refuse_occupied(path: Place) -> None:
     """Refuse a place where a new dataset cannot be made.
 
     Raises:
         DatasetExistsError: There is a dataset already.
         NotADatasetError: There is a file, or a folder with something else in it.
     """
-    if path.is_dir():
+    if isinstance(path, S3Prefix) or path.is_dir():
         if is_engine_folder(path):
             raise DatasetExistsError(f"there is a dataset at {path} already: open it, or choose another path")
-        if any(path.iterdir()):
+        if not isinstance(path, S3Prefix) and any(path.iterdir()):
             raise NotADatasetError(f"{path} is a folder with other files in it: choose a new or an empty folder")
     elif path.exists():
         raise NotADatasetError(f"{path} is a file, expected a new or an empty folder")
 
 
-def write_empty(path: Path) -> None:
-    """Make a dataset without attempts in a folder that does not exist yet, and sync it to disk."""
-    path.mkdir()
-    repository = icechunk.Repository.create(local_storage(path), engine_config())
+def write_empty(path: Place) -> None:
+    """Make a dataset without attempts where there is nothing yet, and sync it to disk."""
+    repository = icechunk.Repository.create(storage_at(path), engine_config())
     session = repository.writable_session(DEFAULT_REF)
     attributes = {"schema_version": SCHEMA_VERSION, "dataset_uuid": str(uuid.uuid4()), "created": utc_now()}
     zarr.create_group(session.store, attributes=attributes).create_group(SESSIONS)
@@ -50,7 +51,7 @@ def write_empty(path: Path) -> None:
     sync_file_system(path)
 
 
-def check_schema(path: Path, version: object) -> None:
+def check_schema(path: Place, version: object) -> None:
     """Refuse what this handsight cannot read; ``version`` is the root's ``schema_version``, None where it has none.
 
     Raises:

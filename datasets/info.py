@@ -6,7 +6,8 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
-from handsight.datasets.repository import SIDE_FOLDER
+from handsight.datasets.place import S3Prefix
+from handsight.datasets.repository import SIDE_FOLDER, GraspRepository
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -14,7 +15,9 @@ class DatasetInfo:
     """A summary of one version of a dataset."""
 
     attempts: int
+    """All that were recorded, excluded ones among them."""
     successes: int
+    """Attempts with the label success, as curated, that are not excluded."""
     excluded: int
     """Attempts that curation has set aside."""
     snapshot: str
@@ -24,16 +27,21 @@ class DatasetInfo:
     bytes: int
     """Size of the folder on disk, with its whole history and without caches."""
     digest: str
-    """SHA-256 of the content of all attempts; the same however they were committed."""
+    """SHA-256 of the content of all attempts as recorded; the same however they were committed or curated."""
+    curation_digest: str
+    """SHA-256 of which attempts are excluded or relabelled, and how."""
     sessions: int
     outcomes: dict[str, int]
-    """Attempts by outcome, every outcome listed."""
+    """Attempts by recorded outcome, every outcome listed."""
     objects: dict[str, int]
     """Attempts by target object, every object of the sessions' catalogues listed, sorted."""
 
 
-def bytes_on_disk(folder: Path) -> int:
-    """Bytes in the files of a dataset, caches left out."""
+def bytes_stored(repository: GraspRepository) -> int:
+    """Bytes in the files of a dataset, caches left out; in a bucket, only those of its chunks."""
+    folder = repository.path
+    if isinstance(folder, S3Prefix):
+        return int(repository.engine.chunk_storage_stats().native_bytes)
     total = 0
     for parent, folders, files in os.walk(folder):
         if Path(parent) == folder and SIDE_FOLDER in folders:

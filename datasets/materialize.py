@@ -2,7 +2,7 @@
 
 A dataset stores what the camera saw. What the network reads is derived from it: the picture of one view, warped to the
 pre-grasp pose at which the fixed grasp policy started (section III-B). The cache is keyed by snapshot and transform, so
-it can be deleted at any time and never goes stale.
+it can be deleted at any time and never goes stale: curation and folds are part of the snapshot.
 """
 
 from __future__ import annotations
@@ -11,7 +11,9 @@ import hashlib
 import json
 import os
 import tempfile
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -24,13 +26,15 @@ from handsight.datasets import schema
 from handsight.datasets.errors import NoTrainingDataError
 from handsight.datasets.reader import GraspDataset
 from handsight.datasets.records import Snapshot, StationCard
-from handsight.datasets.repository import SIDE_FOLDER
 from handsight.servoing.homography import InputGrid, predict_inputs
 from handsight.servoing.planar import PlanarPose
 from handsight.servoing.view import PreparedView, View
 
 CACHE_VERSION = 1
 """Counts changes of the warp that change the inputs' values."""
+
+_PICTURES_AHEAD = 32
+"""Pictures read before the input made of the first of them is taken."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,6 +45,11 @@ class GraspInputs:
     """Red, green, blue in [0, 1] and height below the plane [m]; memory-mapped. Shape (N, 4, size, size)."""
     attempts: pd.DataFrame
     """The rows of the attempts table they belong to, in the same order."""
+
+    @property
+    def file(self) -> Path | None:
+        """The file that the inputs are mapped from; None where they are in memory."""
+        return Path(str(self.inputs.filename)) if isinstance(self.inputs, np.memmap) else None
 
     @property
     def labels(self) -> NDArray[np.float32]:
@@ -61,7 +70,7 @@ def materialize(
     grid: InputGrid | None = None,
     on_attempt: Callable[[], None] | None = None,
 ) -> GraspInputs:
-    """Inputs of all labelled attempts, from the cache or made now.
+    """Inputs of all labelled attempts that are not excluded, from the cache or made now.
 
     Args:
         dataset: The version to read.
@@ -78,8 +87,8 @@ def materialize(
     rows = rows[rows["success"].notna() & ~rows["excluded"] & rows[f"{view}_taken"]]
     if rows.empty:
         raise NoTrainingDataError(
-            f"{dataset.repository.path}@{dataset.ref} has no labelled attempt with a {view} picture, expected some: "
-            "collect more with 'handsight collect sim'"
+            f"{dataset.repository.path}@{dataset.ref} has no labelled attempt with a {view} picture that is not "
+            "excluded, expected some: collect more with 'handsight collect sim', or restore some"
         )
     path = _cache_path(dataset, view, grid)
     if not path.exists():
@@ -91,7 +100,7 @@ def materialize(
 def _cache_path(dataset: GraspDataset, view: schema.View, grid: InputGrid) -> Path:
     key = {"snapshot": dataset.snapshot_id, "view": view, "grid": asdict(grid), "version": CACHE_VERSION}
     digest = hashlib.sha256(json.dumps(key, sort_keys=True).encode()).hexdigest()
-    return dataset.repository.path / SIDE_FOLDER / "inputs" / f"{digest[:32]}.npy"
+    return dataset.repository.side_folder / "inputs" / f"{digest[:32]}.npy"
 
 
 def _write(
@@ -108,17 +117,31 @@ def _write(
     try:
         shape = (len(rows), 4, grid.size_px, grid.size_px)
         inputs = np.lib.format.open_memmap(name, mode="w+", dtype=np.float16, shape=shape)
-        poses = zip(rows["pregrasp_x_m"], rows["pregrasp_y_m"], rows["pregrasp_angle_rad"], strict=True)
-        pictures = dataset.snapshots(view, rows.index)
-        for row, ((attempt, snapshot), (x_m, y_m, angle_rad)) in enumerate(zip(pictures, poses, strict=True)):
-            goal = PlanarPose(x_m=x_m, y_m=y_m, angle_rad=angle_rad)
-            inputs[row] = grasp_input(snapshot, dataset.station(attempt), goal, grid)
+        for row, made in enumerate(_warped(dataset, rows, view, grid)):
+            inputs[row] = made
             if on_attempt is not None:
                 on_attempt()
         inputs.flush()
         Path(name).rename(path)
     finally:
         Path(name).unlink(missing_ok=True)
+
+
+def _warped(
+    dataset: GraspDataset, rows: pd.DataFrame, view: schema.View, grid: InputGrid
+) -> Iterator[NDArray[np.float32]]:
+    """The inputs in the order of the rows. One thread reads, the others warp; a few pictures are in memory."""
+    poses = zip(rows["pregrasp_x_m"], rows["pregrasp_y_m"], rows["pregrasp_angle_rad"], strict=True)
+    pictures = dataset.snapshots(view, rows.index)
+    waiting: deque[Future[NDArray[np.float32]]] = deque()
+    # Threads, not processes: decoding and warping release the interpreter, and Icechunk must not be forked.
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        for (attempt, snapshot), (x_m, y_m, angle_rad) in zip(pictures, poses, strict=True):
+            goal = PlanarPose(x_m=x_m, y_m=y_m, angle_rad=angle_rad)
+            waiting.append(pool.submit(grasp_input, snapshot, dataset.station(attempt), goal, grid))
+            if len(waiting) == _PICTURES_AHEAD:
+                yield waiting.popleft().result()
+        yield from (one.result() for one in waiting)
 
 
 def grasp_input(snapshot: Snapshot, station: StationCard, goal: PlanarPose, grid: InputGrid) -> NDArray[np.float32]:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Iterator
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,8 @@ from handsight.datasets.errors import (
     SessionNotFoundError,
     SnapshotNotFoundError,
 )
-from handsight.datasets.info import DatasetInfo, bytes_on_disk
+from handsight.datasets.info import DatasetInfo, bytes_stored
+from handsight.datasets.overlay import CURATED_COLUMNS, Overlay, read_overlay
 from handsight.datasets.records import GraspAttempt, Outcome, Snapshot, StationCard
 from handsight.datasets.repository import GraspRepository
 from handsight.datasets.rows import from_row
@@ -34,7 +36,7 @@ from handsight.datasets.schema import (
     parse_attempt_id,
 )
 from handsight.datasets.sessions import SessionInfo, read_sessions
-from handsight.datasets.table import attempts_table
+from handsight.datasets.table import LazyColumns, attempts_table
 
 _BLOCK_FRAMES = 16
 """Frames decoded at a time by :meth:`GraspDataset.snapshots`, about 25 MB at 640x480."""
@@ -71,32 +73,92 @@ class GraspDataset:
 
     @cached_property
     def attempts(self) -> pd.DataFrame:
-        """One row for each attempt, indexed by its id; see ``table.attempts_table`` for the columns."""
-        return attempts_table([(session, self._columns(session.ulid)) for session in self.sessions])
+        """One row for each attempt, indexed by its id, with curation laid over it.
+
+        See ``table.attempts_table`` for the columns and ``Overlay.applied_to`` for those of curation.
+        """
+        return self.overlay.applied_to(attempts_table(self._lazy_columns()))
+
+    def table(self, *names: str) -> pd.DataFrame:
+        """Some columns of :attr:`attempts`, made without the others: for a version of many attempts.
+
+        Raises:
+            KeyError: There is no such column.
+        """
+        recorded = [name for name in names if name not in CURATED_COLUMNS]
+        curated = self.overlay.applied_to(attempts_table(self._lazy_columns(), dict.fromkeys(["success", *recorded])))
+        return curated[list(names)]
+
+    def rows(self, ids: Iterable[str]) -> pd.DataFrame:
+        """Some rows of :attr:`attempts`, in its order; ids that are not there are left out."""
+        wanted: dict[str, set[int]] = {}
+        for attempt in ids:
+            ulid, number = parse_attempt_id(attempt)
+            wanted.setdefault(ulid, set()).add(number)
+        pairs: list[tuple[SessionInfo, LazyColumns]] = []
+        for session in self.sessions:
+            numbers = np.array(sorted(one for one in wanted.get(session.ulid, ()) if one < session.attempts), np.int64)
+            if len(numbers):
+                pairs.append((session, LazyColumns(partial(self._chosen, session.ulid, numbers))))
+        return self.overlay.applied_to(attempts_table(pairs))
+
+    def column(self, session: str, name: str) -> NDArray[Any]:
+        """One stored column of a session, as in ``schema.COLUMNS``, with the rows first.
+
+        Raises:
+            SessionNotFoundError: There is no such session.
+            CorruptDataError: Its bytes are damaged.
+        """
+        return self._column(self.session(session).ulid, name)
+
+    def targets(self, session: str) -> NDArray[np.int64]:
+        """Index of each attempt's target in the session's catalogue, whose length stands for none. Shape (N,)."""
+        target = self.column(session, "target").astype(np.int64)
+        index = self.column(session, "catalogue_index")[np.arange(len(target)), np.maximum(target, 0)]
+        return np.where(target < 0, len(self.station(session).objects), index)
+
+    def tail(self, count: int) -> pd.DataFrame:
+        """The last rows of :attr:`attempts`, made without the others."""
+        return self.overlay.applied_to(attempts_table(self._lazy_columns(last=count)))
+
+    @cached_property
+    def overlay(self) -> Overlay:
+        """The decisions of curation in this version."""
+        return read_overlay(self._root)
+
+    @property
+    def curation_digest(self) -> str:
+        """What curation makes of the content of this version; see ``Overlay.digest``."""
+        names = ("success", "excluded", "digest")
+        return self.overlay.digest(self.table(*names) if self.overlay.decisions else self.tail(0))
 
     @cached_property
     def digest(self) -> str:
-        """The content of this version, as 64 hexadecimal digits; see ``digest``. Reads no pictures."""
-        rows = (self._column(session.ulid, "digest") for session in self.sessions)
-        return dataset_digest(digest.tobytes() for session_rows in rows for digest in session_rows)
+        """The content recorded, as 64 hexadecimal digits, see ``digest``; no curation changes it. Reads no pictures."""
+        return dataset_digest(self._column(session.ulid, "digest").tobytes() for session in self.sessions)
 
     def info(self) -> DatasetInfo:
         """A summary of this version. Reads no pictures."""
-        outcomes = self.attempts["outcome"].value_counts()
-        targets = self.attempts["target"].value_counts()
+        outcomes, targets = self._outcomes(), self._targets()
+        successes, excluded = outcomes[Outcome.HELD], 0
+        if self.overlay.decisions:
+            table = self.table("success", "excluded")
+            successes = int((table["success"].fillna(False) & ~table["excluded"]).sum())
+            excluded = int(table["excluded"].sum())
         catalogue = {name for session in self.sessions for name in session.header.station.objects}
         return DatasetInfo(
-            attempts=len(self.attempts),
-            successes=int(outcomes.get("held", 0)),
-            excluded=0,
+            attempts=sum(session.attempts for session in self.sessions),
+            successes=successes,
+            excluded=excluded,
             snapshot=self.snapshot_id,
             ref=self.ref,
             schema_version=SCHEMA_VERSION,
-            bytes=bytes_on_disk(self.repository.path),
+            bytes=bytes_stored(self.repository),
             digest=self.digest,
+            curation_digest=self.curation_digest,
             sessions=len(self._sessions),
-            outcomes={outcome.name.lower(): int(outcomes.get(outcome.name.lower(), 0)) for outcome in Outcome},
-            objects={name: int(targets.get(name, 0)) for name in sorted(catalogue)},
+            outcomes={outcome.name.lower(): outcomes[outcome] for outcome in Outcome},
+            objects={name: targets[name] for name in sorted(catalogue)},
         )
 
     def session(self, key: str) -> SessionInfo:
@@ -211,8 +273,36 @@ class GraspDataset:
             for at in range(stop - start)
         ]
 
-    def _columns(self, ulid: str) -> dict[str, NDArray[Any]]:
-        return {column.name: self._column(ulid, column.name) for column in COLUMNS}
+    def _chosen(self, ulid: str, numbers: NDArray[np.int64], name: str) -> NDArray[Any]:
+        return self._column(ulid, name)[numbers]
+
+    def _outcomes(self) -> Counter[int]:
+        """How many attempts ended in each way, without the table, which takes a second for a million rows."""
+        counts: Counter[int] = Counter()
+        for ulid in self._sessions:
+            counts.update(dict(enumerate(np.bincount(self._column(ulid, "outcome")).tolist())))
+        return counts
+
+    def _targets(self) -> Counter[str]:
+        """How many attempts were made on each object, by name."""
+        counts: Counter[str] = Counter()
+        for ulid, session in self._sessions.items():
+            objects = session.header.station.objects
+            counted = np.bincount(self.targets(ulid), minlength=len(objects) + 1).tolist()
+            counts.update(dict(zip(objects, counted, strict=False)))
+        return counts
+
+    def _lazy_columns(self, last: int | None = None) -> list[tuple[SessionInfo, LazyColumns]]:
+        """The sessions and their columns, or those of their last attempts, read when they are asked for."""
+        pairs: list[tuple[SessionInfo, LazyColumns]] = []
+        left = sum(session.attempts for session in self.sessions) if last is None else last
+        for session in reversed(self.sessions):
+            start = max(0, session.attempts - left)
+            left -= session.attempts - start
+            if start < session.attempts:
+                read = partial(self._column, session.ulid, start=start)
+                pairs.insert(0, (session, LazyColumns(read)))
+        return pairs
 
     def _column(self, ulid: str, name: str, start: int = 0, stop: int | None = None) -> NDArray[Any]:
         array = array_at(self._group(ulid), f"attempts/{name}")

@@ -39,15 +39,20 @@ def is_snapshot_id(text: str) -> bool:
     return _SNAPSHOT_ID.fullmatch(text) is not None
 
 
-def check_release_name(name: str) -> None:
-    """Refuse a name that could not be typed in an address or told from a snapshot id.
+def is_plain_name(name: str) -> bool:
+    """Whether the text can name something in a dataset: 1 to 64 letters, digits, '.', '_' or '-'."""
+    return _NAME.fullmatch(name) is not None
+
+
+def check_ref_name(kind: str, name: str) -> None:
+    """Refuse a name for a release or a branch that could not be typed in an address or told from a snapshot id.
 
     Raises:
         RefNameError: Both rules are in the message.
     """
-    if not _NAME.fullmatch(name) or is_snapshot_id(name) or name == LEDGER_BRANCH:
+    if not is_plain_name(name) or is_snapshot_id(name) or name == LEDGER_BRANCH:
         raise RefNameError(
-            f"release name is {name!r}, expected 1 to 64 letters, digits, '.', '_' or '-', beginning with a letter "
+            f"{kind} name is {name!r}, expected 1 to 64 letters, digits, '.', '_' or '-', beginning with a letter "
             "or digit and not in the form of a snapshot id: choose a name such as v1"
         )
 

@@ -18,11 +18,12 @@ from filelock import FileLock, Timeout
 from handsight.datasets.address import DEFAULT_REF
 from handsight.datasets.engine import (
     engine_errors,
-    local_storage,
     publish,
+    publish_shared,
     sync_file_system,
 )
 from handsight.datasets.errors import (
+    CorruptDataError,
     DatasetBusyError,
     DatasetNotFoundError,
     ForkedProcessError,
@@ -32,11 +33,12 @@ from handsight.datasets.errors import (
     SessionConflictError,
 )
 from handsight.datasets.folder import check_schema, is_engine_folder, refuse_occupied, write_empty
+from handsight.datasets.place import Place, S3Prefix, cache_folder, place_of, storage_at
 from handsight.datasets.releases import (
     LEDGER_BRANCH,
     Release,
     add_to_ledger,
-    check_release_name,
+    check_ref_name,
     is_snapshot_id,
     read_ledger,
 )
@@ -56,36 +58,44 @@ class LogEntry:
     message: str
     written_at: datetime
     attempts_added: int
+    session: str | None
+    """The session that the commit recorded to; None for any other commit."""
     refs: tuple[str, ...]
     """Releases and branches that point to this snapshot."""
 
 
 class GraspRepository:
-    """A dataset folder, open in this process.
+    """A dataset in a folder or a bucket, open in this process.
 
-    Use :meth:`create`, :meth:`open` or :meth:`open_or_create`. Any number of processes may have the same folder open
-    and commit to it; commits take a file lock, because Icechunk loses concurrent commits on a local disk. A forked
+    Use :meth:`create`, :meth:`open` or :meth:`open_or_create`. Any number of processes may have the same
+    dataset open and commit to it; on a local disk, where Icechunk loses concurrent commits, they take a lock. A forked
     child must open the dataset itself, in a process started by spawn or forkserver: Icechunk hangs after a fork.
     """
 
-    def __init__(self, path: Path, engine: icechunk.Repository) -> None:
+    def __init__(self, path: Place, engine: icechunk.Repository) -> None:
         self.path = path
         self._engine = engine
         self._owner_pid = os.getpid()
-        self._lock = FileLock(path / SIDE_FOLDER / "commit.lock", timeout=_LOCK_TIMEOUT_S, poll_interval=0.005)
+        self._lock: FileLock | None = None
+        if not isinstance(path, S3Prefix):
+            self._lock = FileLock(path / SIDE_FOLDER / "commit.lock", timeout=_LOCK_TIMEOUT_S, poll_interval=0.005)
 
     @classmethod
-    def create(cls, path: str | Path) -> GraspRepository:
+    def create(cls, path: str | Place) -> GraspRepository:
         """Create an empty dataset, and the folders above it.
 
-        The dataset appears at once or not at all: it is made under another name beside its place and renamed.
+        A folder appears at once or not at all: it is made under another name beside its place and renamed.
 
         Raises:
             DatasetExistsError: There is a dataset already.
             NotADatasetError: The path is a file or a folder with something else in it.
         """
-        path = Path(path)
+        path = place_of(path)
         refuse_occupied(path)
+        if isinstance(path, S3Prefix):
+            with engine_errors(f"cannot create a dataset at {path}"):
+                write_empty(path)
+            return cls.open(path)
         path.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix=f".{path.name}.new-", dir=path.parent) as folder:
             fresh = Path(folder) / "dataset"
@@ -99,7 +109,7 @@ class GraspRepository:
         return cls.open(path)
 
     @classmethod
-    def open(cls, path: str | Path) -> GraspRepository:
+    def open(cls, path: str | Place) -> GraspRepository:
         """Open an existing dataset.
 
         Raises:
@@ -107,25 +117,52 @@ class GraspRepository:
             NotADatasetError: The path is a file or a folder that is no dataset.
             SchemaError: The dataset was written by a newer handsight.
         """
-        path = Path(path)
-        if not path.exists():
+        path = place_of(path)
+        if not path.exists() if isinstance(path, Path) else not is_engine_folder(path):
             raise DatasetNotFoundError(f"there is no dataset at {path}: create it with 'handsight dataset init {path}'")
-        if not is_engine_folder(path):
+        if isinstance(path, Path) and not is_engine_folder(path):
             kind = "a folder that is no dataset" if path.is_dir() else "a file"
             raise NotADatasetError(f"{path} is {kind}, expected a dataset folder: check the path")
         with engine_errors(f"cannot open {path}"):
-            repository = cls(path, icechunk.Repository.open(local_storage(path)))
+            repository = cls(path, icechunk.Repository.open(storage_at(path)))
             attributes = repository.root(repository.resolve(DEFAULT_REF)).attrs.asdict()
         check_schema(path, attributes.get("schema_version"))
         return repository
 
     @classmethod
-    def open_or_create(cls, path: str | Path) -> GraspRepository:
+    def open_or_create(cls, path: str | Place) -> GraspRepository:
         """Open the dataset, or create it where nothing is there."""
         try:
             return cls.open(path)
         except DatasetNotFoundError:
             return cls.create(path)
+
+    @property
+    def folder(self) -> Path:
+        """The folder of a local dataset.
+
+        Raises:
+            NotADatasetError: The dataset is in a bucket.
+        """
+        if isinstance(self.path, S3Prefix):
+            raise NotADatasetError(
+                f"{self.path} is in a bucket, expected a local folder: merge it into a local dataset"
+            )
+        return self.path
+
+    @property
+    def side_folder(self) -> Path:
+        """Local folder for caches of this dataset; it need not exist, and may be deleted at any time."""
+        if isinstance(self.path, S3Prefix):
+            uuid = str(self.root(self.resolve(DEFAULT_REF)).attrs["dataset_uuid"])
+            return cache_folder() / "datasets" / uuid
+        return self.path / SIDE_FOLDER
+
+    @property
+    def engine(self) -> icechunk.Repository:
+        """The storage engine, for the modules of this room that look after branches and disk space."""
+        self.check_process()
+        return self._engine
 
     def branches(self) -> dict[str, str]:
         """Snapshot id of each branch by name, sorted."""
@@ -161,7 +198,7 @@ class GraspRepository:
             RefNameError: The name is malformed, taken by a release or branch, or belonged to a deleted release.
             RefNotFoundError: There is no such ref.
         """
-        check_release_name(name)
+        check_ref_name("release", name)
         with self.locked():
             if name in self._tags() or name in self.branches():
                 raise RefNameError(f"{name!r} is taken in {self.path}: releases are immutable, choose another name")
@@ -194,6 +231,7 @@ class GraspRepository:
                     message=commit.message,
                     written_at=commit.written_at,
                     attempts_added=int(commit.metadata.get("attempts_added", 0)),
+                    session=commit.metadata.get("session"),
                     refs=tuple(refs.get(commit.id, ())),
                 )
                 for commit in self._engine.ancestry(snapshot_id=snapshot_id)
@@ -209,6 +247,8 @@ class GraspRepository:
                 return zarr.open_group(session.store, mode="r")
             except FileNotFoundError as error:
                 raise NotADatasetError(f"{self.path} holds no root group, expected a handsight dataset") from error
+            except (TypeError, ValueError) as error:
+                raise CorruptDataError(f"the root of {self.path}@{snapshot_id} is damaged: {error}") from error
 
     def writable(self, branch: str) -> icechunk.Session:
         """A session whose changes :meth:`commit` will put onto the branch.
@@ -233,19 +273,28 @@ class GraspRepository:
     ) -> str:
         """Put a session's changes onto its branch, after whatever others have committed since, and return the id.
 
-        ``check`` sees the branch as it is just before, while nobody else can commit, and may refuse by raising.
+        A session without changes adds no commit; the tip of the branch is returned.
+        ``check`` sees the branch as it is just before, with no commit of anybody else in between, and may refuse by
+        raising.
 
         Raises:
             SessionConflictError: Somebody else has committed changes to the same arrays.
             DatasetBusyError: Another process held the lock for too long.
         """
-        with self.locked(), engine_errors(f"cannot commit to {self.path}"):
+
+        def check_tip(tip: str) -> None:
             if check is not None:
-                check(self.root(self._engine.lookup_branch(branch)))
+                check(self.root(tip))
+
+        what: dict[str, Any] = {"branch": branch, "message": message, "metadata": metadata or {}}
+        with self.locked(), engine_errors(f"cannot commit to {self.path}"):
+            if not session.has_uncommitted_changes:
+                return self._engine.lookup_branch(branch)
             try:
-                return publish(
-                    self._engine, session, root=self.path, branch=branch, message=message, metadata=metadata or {}
-                )
+                if isinstance(self.path, S3Prefix):
+                    return publish_shared(self._engine, session, check=check_tip, **what)
+                check_tip(self._engine.lookup_branch(branch))
+                return publish(self._engine, session, root=self.path, **what)
             except (icechunk.RebaseFailedError, icechunk.ConflictError) as error:
                 raise SessionConflictError(
                     f"another process has changed the same session of {self.path} on branch {branch!r}: "
@@ -254,13 +303,16 @@ class GraspRepository:
 
     @contextmanager
     def locked(self) -> Iterator[None]:
-        """Keep every other process from committing.
+        """Keep every other process of this machine from committing; in a bucket it keeps out nobody.
 
         Raises:
             DatasetBusyError: Another process held the lock for too long.
         """
         self.check_process()
-        (self.path / SIDE_FOLDER).mkdir(exist_ok=True)
+        if self._lock is None:
+            yield
+            return
+        self.side_folder.mkdir(exist_ok=True)
         try:
             self._lock.acquire()
         except Timeout as error:

@@ -26,7 +26,7 @@ def to_row(attempt: GraspAttempt, *, slots: int) -> Row:
     values: dict[str, Any] = {
         "number": attempt.number,
         "outcome": int(attempt.outcome),
-        "failure": _padded(attempt.failure),
+        "failure": text_to_bytes(attempt.failure, FAILURE_BYTES),
         "picture_taken": [snapshot_of(attempt, view) is not None for view in VIEWS],
         "pregrasp_x_y_angle": (attempt.pregrasp_x_m, attempt.pregrasp_y_m, attempt.pregrasp_angle_rad),
         "pose_base_tool_grasp": attempt.pose_base_tool_grasp,
@@ -79,12 +79,13 @@ def from_row(row: Mapping[str, NDArray[Any]], snapshots: Mapping[View, Snapshot 
 
 
 def text_from_bytes(padded: NDArray[np.uint8]) -> str:
-    """The failure text of a row. Shape (FAILURE_BYTES,)."""
+    """The text that ``text_to_bytes`` was given, such as the failure of a row. ``padded`` has shape (size,)."""
     return padded.tobytes().rstrip(b"\0").decode()
 
 
-def _padded(text: str) -> NDArray[np.uint8]:
-    return np.frombuffer(text.encode().ljust(FAILURE_BYTES, b"\0"), dtype=np.uint8)
+def text_to_bytes(text: str, size: int) -> NDArray[np.uint8]:
+    """UTF-8, padded with zeros to ``size``, within which the text must fit. Shape (size,)."""
+    return np.frombuffer(text.encode().ljust(size, b"\0"), dtype=np.uint8)
 
 
 def _scene_values(scene: SceneObjects | None) -> dict[str, Any]:

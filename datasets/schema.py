@@ -43,7 +43,12 @@ FAILURE_BYTES = 512
 """Longest failure text, in bytes of UTF-8. Zero padding compresses to nothing."""
 
 COLUMN_CHUNK_ROWS = 256
-"""Rows in one chunk of a column. Pictures have one frame in each chunk."""
+"""Rows in one chunk of a column while it is recorded: few, because a commit rewrites the last one. Pictures have one
+frame in each chunk."""
+
+PACKED_CHUNK_ROWS = 16384
+"""Rows in one chunk of a column of a sealed session that has more than ``COLUMN_CHUNK_ROWS`` attempts: many, because
+reading costs a millisecond for each chunk."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -163,6 +168,11 @@ def object_slots(objects_per_scene: int) -> int:
     return max(1, objects_per_scene)
 
 
+def packed_rows(status: str, attempts: int) -> int:
+    """Rows in one chunk of a column, from the status of the session and its size."""
+    return PACKED_CHUNK_ROWS if status == "sealed" and attempts > COLUMN_CHUNK_ROWS else COLUMN_CHUNK_ROWS
+
+
 def attempt_id(session: str, number: int) -> str:
     """The id of an attempt: its session's ULID and its number."""
     return f"{session}-{number:06d}"
@@ -180,27 +190,31 @@ def parse_attempt_id(text: str) -> tuple[str, int]:
     return session, int(number)
 
 
-def create_arrays(session: zarr.Group, intrinsics: Intrinsics, objects_per_scene: int) -> None:
-    """Create the empty arrays of a session."""
+def create_arrays(
+    session: zarr.Group, intrinsics: Intrinsics, objects_per_scene: int, *, column_rows: int = COLUMN_CHUNK_ROWS
+) -> None:
+    """Create the empty arrays of a session, with ``column_rows`` rows in one chunk of a column."""
     for view in VIEWS:
         group = session.create_group(view)
         frame = (intrinsics.height, intrinsics.width)
-        _create(group, "rgb", dtype="uint8", row=(*frame, 3), rows=1, shuffle="bitshuffle")
-        _create(group, "depth", dtype="uint16", row=frame, rows=1, attributes={"unit": "depth_scale_m"})
-        _create(group, "pose_base_tool", dtype="float64", row=(4, 4), fill=_NAN, attributes={"unit": "m"})
+        create_array(group, "rgb", dtype="uint8", row=(*frame, 3), rows=1, shuffle="bitshuffle")
+        create_array(group, "depth", dtype="uint16", row=frame, rows=1, attributes={"unit": "depth_scale_m"})
+        pose = {"unit": "m"}
+        create_array(group, "pose_base_tool", dtype="float64", row=(4, 4), rows=column_rows, fill=_NAN, attributes=pose)
     attempts = session.create_group("attempts")
     for column in COLUMNS:
-        _create(
+        create_array(
             attempts,
             column.name,
             dtype=column.dtype,
             row=column.shape(object_slots(objects_per_scene)),
+            rows=column_rows,
             fill=column.fill,
             attributes={"unit": column.unit, "description": column.description},
         )
 
 
-def _create(
+def create_array(
     group: zarr.Group,
     name: str,
     *,
@@ -211,6 +225,7 @@ def _create(
     fill: float | int | bool = 0,
     attributes: dict[str, Any] | None = None,
 ) -> None:
+    """Create an array without rows: compressed without loss, checksummed, ``rows`` rows of shape ``row`` in a chunk."""
     blosc = BloscCodec(typesize=np.dtype(dtype).itemsize, cname="zstd", clevel=3, shuffle=shuffle)
     group.create_array(
         name,

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass
 from typing import Any, Literal
 
 import zarr
 
 from handsight.datasets.engine import array_at, group_at
-from handsight.datasets.header import config_digest, header_from_json, header_to_json
+from handsight.datasets.errors import CorruptDataError
+from handsight.datasets.header import canonical_json, config_digest, header_from_json, header_to_json
 from handsight.datasets.provenance import code_version, package_versions, utc_now
 from handsight.datasets.records import SessionHeader
 from handsight.datasets.schema import SESSIONS
 
 SessionStatus = Literal["open", "sealed"]
+
+_PROVENANCE = ("header", "config_digest", "code", "packages", "started")
+_STATUS = ("status", "ended")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,30 +45,48 @@ class SessionInfo:
 
 def new_session_attributes(header: SessionHeader) -> dict[str, Any]:
     """Attributes of the group of a session that begins now."""
-    return {
+    provenance = {
         "header": header_to_json(header),
         "config_digest": config_digest(header),
         "code": code_version(),
         "packages": package_versions(),
         "started": utc_now(),
-        **open_attributes(),
     }
+    return {**provenance, "provenance_digest": _digest(provenance), **open_attributes()}
 
 
 def open_attributes() -> dict[str, Any]:
     """Attributes that mark a session as open."""
-    return {"status": "open", "ended": None}
+    return _status_attributes({"status": "open", "ended": None})
 
 
 def sealed_attributes() -> dict[str, Any]:
     """Attributes that mark a session as complete, now."""
-    return {"status": "sealed", "ended": utc_now()}
+    return _status_attributes({"status": "sealed", "ended": utc_now()})
+
+
+def attribute_damage(attributes: dict[str, Any]) -> list[str]:
+    """What is no longer as it was recorded among the attributes of a session, which no checksum of the store covers."""
+    faults = []
+    for name, covered in (("provenance_digest", _PROVENANCE), ("status_digest", _STATUS)):
+        recorded = attributes.get(name)
+        if recorded is not None and recorded != _digest({key: attributes.get(key) for key in covered}):
+            faults.append(f"{', '.join(covered)} are not as recorded")
+    return faults
 
 
 def read_sessions(root: zarr.Group) -> tuple[SessionInfo, ...]:
-    """All sessions, in the order in which they began."""
+    """All sessions, in the order in which they began.
+
+    Raises:
+        CorruptDataError: What describes a session is damaged.
+    """
     sessions = group_at(root, SESSIONS)
-    return tuple(_read_session(group_at(sessions, ulid), ulid) for ulid in sorted(sessions.group_keys()))
+    try:
+        return tuple(_read_session(group_at(sessions, ulid), ulid) for ulid in sorted(sessions.group_keys()))
+    except (KeyError, TypeError, ValueError) as error:
+        what = f"{type(error).__name__}: {error}"
+        raise CorruptDataError(f"the sessions cannot be read: {what}; restore the dataset from a copy") from error
 
 
 def matching_sessions(root: zarr.Group, header: SessionHeader) -> list[SessionInfo]:
@@ -76,8 +99,12 @@ def matching_sessions(root: zarr.Group, header: SessionHeader) -> list[SessionIn
     ]
 
 
-def _read_session(group: zarr.Group, ulid: str) -> SessionInfo:
-    attributes: dict[str, Any] = group.attrs.asdict()
+def session_from_attributes(ulid: str, attributes: dict[str, Any], *, attempts: int) -> SessionInfo:
+    """The session that a group's attributes describe.
+
+    Raises:
+        KeyError, TypeError, ValueError: They were not written by handsight.
+    """
     return SessionInfo(
         ulid=ulid,
         header=header_from_json(attributes["header"]),
@@ -87,5 +114,18 @@ def _read_session(group: zarr.Group, ulid: str) -> SessionInfo:
         started=attributes["started"],
         ended=attributes["ended"],
         status=attributes["status"],
-        attempts=array_at(group, "attempts/number").shape[0],
+        attempts=attempts,
     )
+
+
+def _read_session(group: zarr.Group, ulid: str) -> SessionInfo:
+    rows = array_at(group, "attempts/number").shape[0]
+    return session_from_attributes(ulid, group.attrs.asdict(), attempts=rows)
+
+
+def _status_attributes(status: dict[str, Any]) -> dict[str, Any]:
+    return {**status, "status_digest": _digest(status)}
+
+
+def _digest(attributes: dict[str, Any]) -> str:
+    return hashlib.sha256(canonical_json(attributes).encode()).hexdigest()

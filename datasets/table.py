@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from itertools import repeat
 from typing import Any
 
 import numpy as np
@@ -15,68 +16,140 @@ from handsight.datasets.schema import COLUMNS, VIEWS, attempt_id
 from handsight.datasets.sessions import SessionInfo
 
 Columns = Mapping[str, NDArray[Any]]
-"""The columns of one session by name, with the rows first."""
+"""The columns of one session by name, with the rows first. One that reads on access is read only where it is needed."""
+
+Build = Callable[[SessionInfo | None, Columns], Any]
+"""Makes one column of the table for the rows of one session."""
 
 
-def attempts_table(sessions: Sequence[tuple[SessionInfo, Columns]]) -> pd.DataFrame:
+class LazyColumns(Mapping[str, NDArray[Any]]):
+    """Columns that are read when they are asked for, each once."""
+
+    def __init__(self, read: Callable[[str], NDArray[Any]]) -> None:
+        self._read = read
+        self._known: dict[str, NDArray[Any]] = {}
+
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        if name not in self._known:
+            self._known[name] = self._read(name)
+        return self._known[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return (column.name for column in COLUMNS)
+
+    def __len__(self) -> int:
+        return len(COLUMNS)
+
+
+def attempts_table(sessions: Sequence[tuple[SessionInfo, Columns]], names: Iterable[str] | None = None) -> pd.DataFrame:
     """One row for each attempt, indexed by its id, in the order of sessions and numbers.
 
     ``success`` is missing where the attempt carries no label, ``truth_held`` where there is no truth, ``seed`` and
     ``target`` where they are not known. Lengths in metres, angles in radians, times in seconds, ``started`` in UTC.
+
+    Args:
+        sessions: The sessions and what they recorded.
+        names: Columns of the table to make; None for all. A million rows take a second for some of them.
     """
-    frames = [_session_table(info, columns) for info, columns in sessions if info.attempts]
-    return pd.concat(frames) if frames else _session_table(None, _no_columns())
+    wanted = list(_TABLE) if names is None else list(names)
+    frames = [_session_table(info, columns, wanted) for info, columns in sessions if info.attempts]
+    return pd.concat(frames) if frames else _session_table(None, _no_columns(), wanted)
 
 
-def _session_table(info: SessionInfo | None, columns: Columns) -> pd.DataFrame:
-    rows = len(columns["number"])
-    outcome = columns["outcome"]
-    labelled = (outcome == Outcome.EMPTY) | (outcome == Outcome.HELD)
-    x_m, y_m, angle_rad = columns["pregrasp_x_y_angle"].T
-    before_m, closed_m, lifted_m, final_m = columns["gripper_width_m"].T
-    started_ns, elapsed_ns = columns["started_elapsed_ns"].T
-    objects = _object_names(info, columns)
-    targets = [None if at < 0 else names[at] for names, at in zip(objects, columns["target"], strict=True)]
-    ulid = "" if info is None else info.ulid
-    seed = None if info is None else info.header.seed
-    source = "" if info is None else info.header.station.source
-    values = {
-        "session": _text([ulid] * rows),
-        "number": columns["number"],
-        "source": _text([source] * rows),
-        "seed": pd.array([pd.NA if seed is None else seed] * rows, dtype="Int64"),
-        "outcome": _text([Outcome(value).name.lower() for value in outcome]),
-        "success": pd.arrays.BooleanArray(outcome == Outcome.HELD, ~labelled),
-        "truth_held": pd.arrays.BooleanArray(columns["truth_held"] == 1, columns["truth_held"] < 0),
-        "failure": _text([text_from_bytes(value) for value in columns["failure"]]),
-        "objects": pd.Series(objects, dtype=object).to_numpy(),
-        "target": _text(targets),
-        **{f"{view}_taken": columns["picture_taken"][:, at] for at, view in enumerate(VIEWS)},
-        "pregrasp_x_m": x_m,
-        "pregrasp_y_m": y_m,
-        "pregrasp_angle_rad": angle_rad,
-        "width_before_m": before_m,
-        "width_closed_m": closed_m,
-        "width_lifted_m": lifted_m,
-        "width_final_m": final_m,
-        "contact_force_n": columns["contact_force_n"],
-        **{f"{phase}_s": columns["phase_s"][:, at] for at, phase in enumerate(PHASES)},
-        "started": pd.to_datetime(started_ns, unit="ns", utc=True),
-        "elapsed_s": elapsed_ns / 1e9,
-        "digest": _text([value.tobytes().hex() for value in columns["digest"]]),
-    }
-    ids = [attempt_id(ulid, int(number)) for number in columns["number"]]
+def _session_table(info: SessionInfo | None, columns: Columns, names: Sequence[str]) -> pd.DataFrame:
+    prefix = attempt_id("" if info is None else info.ulid, 0)[: -len("000000")]
+    ids = [f"{prefix}{number:06d}" for number in columns["number"].tolist()]
+    values = {name: _TABLE[name](info, columns) for name in names}
     return pd.DataFrame(values, index=pd.Index(ids, name="attempt", dtype="str"))
 
 
-def _text(values: Sequence[str | None]) -> Any:
+def _text(values: Any) -> Any:
     return pd.array(values, dtype="str")
 
 
-def _object_names(info: SessionInfo | None, columns: Columns) -> list[tuple[str, ...]]:
+def _repeated(text: str, columns: Columns) -> Any:
+    return _text(list(repeat(text, len(columns["number"]))))
+
+
+def _seed(info: SessionInfo | None, columns: Columns) -> Any:
+    seed = None if info is None else info.header.seed
+    rows = len(columns["number"])
+    return pd.arrays.IntegerArray(np.full(rows, seed or 0, np.int64), np.full(rows, seed is None))
+
+
+def _outcome(info: SessionInfo | None, columns: Columns) -> Any:
+    names = np.array([outcome.name.lower() for outcome in Outcome], dtype=object)
+    return _text(names[columns["outcome"]])
+
+
+def _success(info: SessionInfo | None, columns: Columns) -> Any:
+    outcome = columns["outcome"]
+    labelled = (outcome == Outcome.EMPTY) | (outcome == Outcome.HELD)
+    return pd.arrays.BooleanArray(outcome == Outcome.HELD, ~labelled)
+
+
+def _truth_held(info: SessionInfo | None, columns: Columns) -> Any:
+    return pd.arrays.BooleanArray(columns["truth_held"] == 1, columns["truth_held"] < 0)
+
+
+def _failure(info: SessionInfo | None, columns: Columns) -> Any:
+    texts = np.full(len(columns["failure"]), "", dtype=object)
+    for row in np.flatnonzero(columns["failure"][:, 0]):
+        texts[row] = text_from_bytes(columns["failure"][row])
+    return _text(texts)
+
+
+def _objects(info: SessionInfo | None, columns: Columns) -> Any:
     catalogue = () if info is None else info.header.station.objects
-    indices = zip(columns["catalogue_index"], columns["object_count"], strict=True)
-    return [tuple(catalogue[index] for index in row[: max(count, 0)]) for row, count in indices]
+    indices = zip(columns["catalogue_index"].tolist(), columns["object_count"].tolist(), strict=True)
+    names = [tuple(catalogue[index] for index in row[: max(count, 0)]) for row, count in indices]
+    return pd.Series(names, dtype=object).to_numpy()
+
+
+def _target(info: SessionInfo | None, columns: Columns) -> Any:
+    """Names of the targets; index -1, of the last place, stands for none."""
+    catalogue = np.array([*(() if info is None else info.header.station.objects), None], dtype=object)
+    target = columns["target"].astype(np.int64)
+    index = columns["catalogue_index"][np.arange(len(target)), np.maximum(target, 0)]
+    return _text(catalogue[np.where(target < 0, -1, index)])
+
+
+def _digest(info: SessionInfo | None, columns: Columns) -> Any:
+    rows = columns["digest"]
+    text, width = rows.tobytes().hex(), 2 * rows.shape[1]
+    return _text([text[start : start + width] for start in range(0, len(text), width)])
+
+
+def _part(name: str, at: int) -> Build:
+    return lambda info, columns: columns[name][:, at]
+
+
+_TABLE: dict[str, Build] = {
+    "session": lambda info, columns: _repeated("" if info is None else info.ulid, columns),
+    "number": lambda info, columns: columns["number"],
+    "source": lambda info, columns: _repeated("" if info is None else info.header.station.source, columns),
+    "seed": _seed,
+    "outcome": _outcome,
+    "success": _success,
+    "truth_held": _truth_held,
+    "failure": _failure,
+    "objects": _objects,
+    "target": _target,
+    **{f"{view}_taken": _part("picture_taken", at) for at, view in enumerate(VIEWS)},
+    "pregrasp_x_m": _part("pregrasp_x_y_angle", 0),
+    "pregrasp_y_m": _part("pregrasp_x_y_angle", 1),
+    "pregrasp_angle_rad": _part("pregrasp_x_y_angle", 2),
+    "width_before_m": _part("gripper_width_m", 0),
+    "width_closed_m": _part("gripper_width_m", 1),
+    "width_lifted_m": _part("gripper_width_m", 2),
+    "width_final_m": _part("gripper_width_m", 3),
+    "contact_force_n": lambda info, columns: columns["contact_force_n"],
+    **{f"{phase}_s": _part("phase_s", at) for at, phase in enumerate(PHASES)},
+    "started": lambda info, columns: pd.to_datetime(columns["started_elapsed_ns"][:, 0], unit="ns", utc=True),
+    "elapsed_s": lambda info, columns: columns["started_elapsed_ns"][:, 1] / 1e9,
+    "digest": _digest,
+}
+"""How each column of the table is made, in the order in which they stand."""
 
 
 def _no_columns() -> Columns:

@@ -2,52 +2,39 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import replace
 from types import TracebackType
 from typing import Any
 
-import numpy as np
 import zarr
 from numpy.typing import NDArray
 from ulid import ULID
 
 from handsight.datasets.address import DEFAULT_REF
-from handsight.datasets.digest import attempt_digest
-from handsight.datasets.engine import array_at, engine_errors, group_at, read_rows
+from handsight.datasets.blocks import (
+    PreparedAttempt,
+    prepare,
+    read_last_chunks,
+    rechunk_columns,
+    write_columns,
+    write_pictures,
+)
+from handsight.datasets.engine import array_at, engine_errors, group_at
 from handsight.datasets.errors import (
     HeaderError,
-    RecordError,
     SessionConflictError,
     SessionNotFoundError,
 )
 from handsight.datasets.records import GraspAttempt, SessionHeader, Snapshot
 from handsight.datasets.repository import GraspRepository
-from handsight.datasets.rows import Row, snapshot_of, to_row
-from handsight.datasets.schema import (
-    COLUMN_CHUNK_ROWS,
-    COLUMNS,
-    SESSIONS,
-    VIEWS,
-    View,
-    attempt_id,
-    create_arrays,
-    object_slots,
-)
+from handsight.datasets.schema import COLUMN_CHUNK_ROWS, SESSIONS, attempt_id, create_arrays, packed_rows
 from handsight.datasets.sessions import (
     matching_sessions,
     new_session_attributes,
     open_attributes,
     sealed_attributes,
 )
-from handsight.datasets.validation import attempt_faults, header_faults
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Pending:
-    """An appended attempt in memory of its own, ready to be written."""
-
-    row: Row
-    snapshots: dict[View, Snapshot | None]
+from handsight.datasets.validation import header_faults
 
 
 class SessionWriter:
@@ -68,7 +55,7 @@ class SessionWriter:
         self.session = session
         self.branch = branch
         self._stored = stored
-        self._pending: list[_Pending] = []
+        self._pending: list[PreparedAttempt] = []
         self._last_chunks: dict[str, NDArray[Any]] = {}
 
     @classmethod
@@ -107,10 +94,8 @@ class SessionWriter:
             )
         session = matches[-1]
         writer = cls(repository, session.header, session=session.ulid, branch=branch, stored=session.attempts)
-        start = _chunk_start(session.attempts)
-        for path in _column_paths():
-            array = array_at(root, f"{SESSIONS}/{session.ulid}/{path}")
-            writer._last_chunks[path] = read_rows(array, start, session.attempts)
+        group = group_at(root, f"{SESSIONS}/{session.ulid}")
+        writer._last_chunks = read_last_chunks(group, stored=session.attempts)
         return writer
 
     @property
@@ -125,16 +110,9 @@ class SessionWriter:
             RecordError: The attempt cannot be recorded; the message lists every fault and nothing has changed.
         """
         self.repository.check_process()
-        faults = attempt_faults(attempt, self.header)
-        if attempt.number != self.next_number:
-            faults.insert(0, f"number is {attempt.number}, expected {self.next_number}")
-        if faults:
-            raise RecordError(f"attempt {attempt.number} of session {self.session} is refused: {'; '.join(faults)}")
-        row = to_row(attempt, slots=object_slots(self.header.objects_per_scene))
-        digest = attempt_digest(attempt, self.header.station)
-        row["digest"] = np.frombuffer(digest, dtype=np.uint8)
-        snapshots = {view: _copy(snapshot_of(attempt, view)) for view in VIEWS}
-        self._pending.append(_Pending(row=row, snapshots=snapshots))
+        prepared = prepare(attempt, self.header, session=self.session, number=self.next_number)
+        snapshots = {view: _copy(snapshot) for view, snapshot in prepared.snapshots.items()}
+        self._pending.append(replace(prepared, snapshots=snapshots))
         return attempt_id(self.session, attempt.number)
 
     def commit(self, message: str = "") -> str | None:
@@ -176,8 +154,14 @@ class SessionWriter:
         with engine_errors(f"cannot write to {self.repository.path}"):
             group = self._open_group(zarr.open_group(change.store, mode="r+"))
             group.update_attributes(attributes)
-            last_chunks = self._write_columns(group) if added else self._last_chunks
-            self._write_pictures(group)
+            last_chunks = self._last_chunks
+            if added:
+                rows = [one.columns for one in self._pending]
+                last_chunks = write_columns(group, rows, stored=self._stored, last_chunks=last_chunks)
+                write_pictures(group, self._pending, stored=self._stored)
+            rechunk_columns(group, packed_rows(attributes["status"], self.next_number))
+        if not change.has_uncommitted_changes:
+            return change.snapshot_id  # Sealed again within the second: the engine refuses an empty commit.
         snapshot_id = self.repository.commit(
             change,
             branch=self.branch,
@@ -203,36 +187,8 @@ class SessionWriter:
                 f"session {self.session} has {found} attempts, this writer knows of {self._stored}: another process "
                 "went on with it; stop one of the two, then go on with --resume"
             )
+        rechunk_columns(group, COLUMN_CHUNK_ROWS)  # It may have been sealed, and so packed.
         return group
-
-    def _write_columns(self, group: zarr.Group) -> dict[str, NDArray[Any]]:
-        """Append a block to every column; returns the rows of each column's last chunk."""
-        blocks = {f"attempts/{column.name}": [one.row[column.name] for one in self._pending] for column in COLUMNS}
-        for view in VIEWS:
-            blocks[f"{view}/pose_base_tool"] = [_pose(one.snapshots[view]) for one in self._pending]
-        start, stop = _chunk_start(self._stored), self.next_number
-        last_chunks = {}
-        for path, block in blocks.items():
-            # Whole chunks from memory: a partial write would first read the last chunk back, at twice the time.
-            rows = np.concatenate([self._last_chunks[path], block]) if self._stored else np.stack(block)
-            array = array_at(group, path)
-            array.resize((stop, *array.shape[1:]))
-            array[start:] = rows
-            last_chunks[path] = rows[_chunk_start(stop) - start :]
-        return last_chunks
-
-    def _write_pictures(self, group: zarr.Group) -> None:
-        """Append the frames; zarr compresses them on all cores. A frame never taken stays a fill value."""
-        for view in VIEWS:
-            for name in ("rgb", "depth"):
-                array = array_at(group, f"{view}/{name}")
-                array.resize((self.next_number, *array.shape[1:]))
-                frames = np.zeros((len(self._pending), *array.shape[1:]), dtype=array.dtype)
-                for frame, one in zip(frames, self._pending, strict=True):
-                    snapshot = one.snapshots[view]
-                    if snapshot is not None:
-                        frame[:] = getattr(snapshot, name)
-                array[self._stored :] = frames
 
     def _refuse_repetition(self, root: zarr.Group) -> None:
         if self.header.seed is None:
@@ -255,19 +211,7 @@ def _branch_root(repository: GraspRepository, branch: str) -> zarr.Group:
     return zarr.open_group(repository.writable(branch).store, mode="r+")
 
 
-def _column_paths() -> list[str]:
-    return [f"attempts/{column.name}" for column in COLUMNS] + [f"{view}/pose_base_tool" for view in VIEWS]
-
-
-def _chunk_start(row: int) -> int:
-    return row - row % COLUMN_CHUNK_ROWS
-
-
-def _pose(snapshot: Snapshot | None) -> NDArray[np.float64]:
-    return np.full((4, 4), np.nan) if snapshot is None else snapshot.pose_base_tool
-
-
 def _copy(snapshot: Snapshot | None) -> Snapshot | None:
     if snapshot is None:
         return None
-    return Snapshot(rgb=snapshot.rgb.copy(), depth=snapshot.depth.copy(), pose_base_tool=snapshot.pose_base_tool.copy())
+    return replace(snapshot, rgb=snapshot.rgb.copy(), depth=snapshot.depth.copy())

@@ -110,7 +110,8 @@ def load_run(folder: str | Path) -> TrainedRun:
                 f"{folder} was written by a newer handsight (run version {card['run_version']}, this one reads up to "
                 f"{RUN_VERSION}): upgrade handsight"
             )
-        shape: dict[str, Any] = {name: tuple(v) if isinstance(v, list) else v for name, v in card["settings"]["network"].items()}
+        recorded: dict[str, Any] = card["settings"]["network"]
+        shape: dict[str, Any] = {name: tuple(v) if isinstance(v, list) else v for name, v in recorded.items()}
         network = GraspQualityNetwork(GqnConfig(**shape))
         network.load_state_dict(load_file(folder / WEIGHTS))
         return TrainedRun(

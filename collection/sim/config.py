@@ -25,7 +25,7 @@ D435_ON_GRIPPER = HandCamera(
 class SimConfig:
     """Everything that, with a seed, determines a simulated attempt."""
 
-    objects: str = "blocks-train"
+    objects: str = "household-train"
     """Object set; see ``handsight objects ls``."""
     objects_per_scene: int = 5
     drop_height_m: float = 0.15

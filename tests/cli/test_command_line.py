@@ -79,7 +79,7 @@ def test_releases_are_addressed_and_immutable(demo_folder: Path, capsys: pytest.
 def test_evaluate_prints_the_contract(demo_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     words = ["evaluate", "--model", str(demo_folder / "run"), "--methods", "random", "--trials", "1", "-w", "1"]
     (row,) = json_of(capsys, *words, "--json")["rows"]
-    assert (row["method"], row["objects"], row["trials"]) == ("random", "blocks-test", 1)
+    assert (row["method"], row["objects"], row["trials"]) == ("random", "household-test", 1)
 
 
 def test_heatmaps_and_servo_runs_are_written(demo_folder: Path, tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -22,7 +23,7 @@ from handsight.datasets.records import GraspAttempt
 FACTORY = SimStationFactory(config=SimConfig())
 
 
-def collected(path: Path, *, resume: bool = False, **settings: int) -> CollectReport:
+def collected(path: Path, *, resume: bool = False, **settings: Any) -> CollectReport:
     return collect(GraspRepository.open_or_create(path), FACTORY, CollectSettings(**settings), resume=resume)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 import pytest
@@ -47,7 +48,7 @@ def test_an_expression_selects_what_it_says(table: pd.DataFrame, where: str, exp
     assert select(table, Selection(where=where), {}) == rows
 
 
-def _without_none(row: pd.Series[object]) -> dict[str, object]:
+def _without_none(row: pd.Series[Any]) -> dict[str, object]:
     """Missing numbers as NaN, which compares as false."""
     return {
         str(name): float("nan") if value is None and str(name).endswith(("_m", "_s")) else value

@@ -244,7 +244,8 @@ def test_processes_that_curate_at_once_lose_nothing(repository: GraspRepository)
 )
 def test_keys_name_attempts_both_ways(ids: list[str]) -> None:
     keys = keys_from_ids(ids)
-    assert (keys.dtype, keys.shape) == (np.uint8, (len(ids), 24))
+    assert keys.dtype == np.dtype(np.uint8)
+    assert keys.shape == (len(ids), 24)
     assert ids_from_keys(keys) == ids
 
 

@@ -133,7 +133,7 @@ def test_info_and_the_table_read_no_pictures(repository: GraspRepository) -> Non
     header = make_header(width=64, height=48)
     record(repository, header, [make_attempt(header, 0, outcome=Outcome.HELD)])
     expected = GraspDataset.open(str(repository.path)).info()
-    damaged = [chunk for chunk in (repository.path / "chunks").iterdir() if chunk.stat().st_size > 4000]
+    damaged = [chunk for chunk in (repository.folder / "chunks").iterdir() if chunk.stat().st_size > 4000]
     assert len(damaged) == 4
     for chunk in damaged:
         chunk.write_bytes(bytes(chunk.stat().st_size))
@@ -227,7 +227,7 @@ def test_damage_to_any_picture_is_found_and_its_attempt_named(repository: GraspR
     whole: dict[str, dict[str, Snapshot]] = {
         view: dict(GraspDataset.open(str(repository.path)).snapshots(view)) for view in VIEWS
     }
-    pictures = [chunk for chunk in (repository.path / "chunks").iterdir() if chunk.stat().st_size > 4000]
+    pictures = [chunk for chunk in (repository.folder / "chunks").iterdir() if chunk.stat().st_size > 4000]
     assert len(pictures) == 3 * 2 * 2
     rng = np.random.default_rng(0)
     named = []
@@ -244,7 +244,7 @@ def test_damage_to_any_picture_is_found_and_its_attempt_named(repository: GraspR
 
 def test_damage_to_a_column_is_found(repository: GraspRepository) -> None:
     record(repository, HEADER, [make_attempt(HEADER, number) for number in range(200)], every=200)
-    columns = list((repository.path / "chunks").iterdir())
+    columns = list((repository.folder / "chunks").iterdir())
     assert len(columns) >= 5
     rng = np.random.default_rng(0)
     for chunk in columns:

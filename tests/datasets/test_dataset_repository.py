@@ -92,7 +92,7 @@ def test_resolve_prefers_releases_to_branches_to_snapshots(repository: GraspRepo
     tip = repository.resolve("main")
     assert tip != empty
     assert repository.resolve(empty) == empty
-    store = icechunk.Repository.open(engine.local_storage(repository.path))
+    store = icechunk.Repository.open(engine.local_storage(repository.folder))
     store.create_tag("main", empty)
     assert repository.resolve("main") == empty
 
@@ -134,7 +134,7 @@ def test_a_release_name_is_used_once_even_when_deleted(repository: GraspReposito
     repository.release("v1")
     with pytest.raises(RefNameError, match="taken"):
         repository.release("v1")
-    icechunk.Repository.open(engine.local_storage(repository.path)).delete_tag("v1")
+    icechunk.Repository.open(engine.local_storage(repository.folder)).delete_tag("v1")
     with pytest.raises(RefNameError, match="deleted"):
         repository.release("v1")
     assert repository.releases() == {}
@@ -169,9 +169,10 @@ def test_a_commit_waits_for_the_lock_and_says_who_holds_it(repository: GraspRepo
     header = make_header()
     writer = SessionWriter.begin(repository, header)
     writer.append(make_attempt(header, 0))
+    assert repository._lock is not None
     repository._lock.timeout = 0.01
     with (
-        FileLock(repository.path / ".handsight" / "commit.lock"),
+        FileLock(repository.folder / ".handsight" / "commit.lock"),
         pytest.raises(DatasetBusyError, match=r"commit\.lock"),
     ):
         writer.commit()
@@ -183,16 +184,16 @@ def test_a_commit_waits_for_the_lock_and_says_who_holds_it(repository: GraspRepo
 def test_reading_writes_nothing(repository: GraspRepository) -> None:
     header = make_header()
     record(repository, header, [make_attempt(header, 0)])
-    before = {path: path.stat().st_mtime_ns for path in repository.path.rglob("*")}
+    before = {path: path.stat().st_mtime_ns for path in repository.folder.rglob("*")}
     dataset = GraspDataset.open(str(repository.path))
     dataset.info()
     dataset.attempt(dataset.attempts.index[0])
-    assert {path: path.stat().st_mtime_ns for path in repository.path.rglob("*")} == before
+    assert {path: path.stat().st_mtime_ns for path in repository.folder.rglob("*")} == before
 
 
 def test_info_leaves_caches_out_of_the_size(repository: GraspRepository) -> None:
     before = GraspDataset.open(str(repository.path)).info().bytes
-    assert before == sum(path.stat().st_size for path in repository.path.rglob("*") if path.is_file())
-    (repository.path / ".handsight").mkdir()
-    (repository.path / ".handsight" / "cache").write_bytes(b"x" * 1000)
+    assert before == sum(path.stat().st_size for path in repository.folder.rglob("*") if path.is_file())
+    (repository.folder / ".handsight").mkdir()
+    (repository.folder / ".handsight" / "cache").write_bytes(b"x" * 1000)
     assert GraspDataset.open(str(repository.path)).info().bytes == before

@@ -212,10 +212,10 @@ def test_diff_with_an_empty_version(repository: GraspRepository) -> None:
 
 
 def test_revert_refuses_to_copy_damage(repository: GraspRepository, tmp_path: Path) -> None:
-    before = {path.name for path in (repository.path / "chunks").iterdir()} if _has_chunks(repository) else set()
+    before = {path.name for path in (repository.folder / "chunks").iterdir()} if _has_chunks(repository) else set()
     header = make_header(width=64, height=48)
     record(repository, header, [make_attempt(header, 0, outcome=Outcome.HELD)])
-    damaged = [path for path in (repository.path / "chunks").iterdir() if path.name not in before]
+    damaged = [path for path in (repository.folder / "chunks").iterdir() if path.name not in before]
     tip = repository.resolve("main")
     revert(repository, repository.log()[-1].snapshot_id)
     empty = repository.resolve("main")
@@ -228,4 +228,4 @@ def test_revert_refuses_to_copy_damage(repository: GraspRepository, tmp_path: Pa
 
 
 def _has_chunks(repository: GraspRepository) -> bool:
-    return (repository.path / "chunks").is_dir()
+    return (repository.folder / "chunks").is_dir()

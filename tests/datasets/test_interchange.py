@@ -5,11 +5,16 @@ from __future__ import annotations
 import json
 import os
 import shutil
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
+import cv2
 import h5py
 import numpy as np
+import pandas as pd
+import pyarrow.parquet as pq
 import pytest
 import zarr
 from tests.datasets.factories import difference, make_attempt, make_header, record
@@ -107,7 +112,7 @@ def test_an_export_never_overwrites_and_a_failed_one_leaves_nothing(
 
 
 def test_formats_are_named_and_told_apart(dataset: GraspDataset, tmp_path: Path) -> None:
-    with pytest.raises(InterchangeError, match="'csv', expected one of hdf5, zarr"):
+    with pytest.raises(InterchangeError, match="'csv', expected one of hdf5, zarr, lerobot, images"):
         export_dataset(dataset, tmp_path / "out", format="csv")
     with pytest.raises(InterchangeError, match="there is nothing at"):
         import_dataset(tmp_path / "nowhere", tmp_path / "back")
@@ -141,7 +146,8 @@ def test_hdf5_reads_as_robomimic_does(dataset: GraspDataset, tmp_path: Path) -> 
 def test_plain_zarr_opens_with_zarr_alone(dataset: GraspDataset, tmp_path: Path) -> None:
     export_dataset(dataset, tmp_path / "out.zarr", format="zarr")
     root = zarr.open_group(str(tmp_path / "out.zarr"), mode="r")
-    origin = root.attrs.asdict()["handsight"]
+    attributes: dict[str, Any] = root.attrs.asdict()
+    origin = attributes["handsight"]
     assert (origin["digest"], origin["snapshot"]) == (dataset.digest, dataset.snapshot_id)
     identity = dataset.attempts.index[dataset.attempts["overhead_taken"]][-1]
     session, _, number = identity.rpartition("-")
@@ -175,7 +181,7 @@ def _change_pixel(file: h5py.File) -> None:
     frames[0][0, 0, 0, 0] ^= 1
 
 
-BAD_HDF5: dict[str, tuple[Callable[[Path], None], str]] = {
+BAD_HDF5: dict[str, tuple[Callable[[Path], object], str]] = {
     "truncated": (lambda path: os.truncate(path, path.stat().st_size // 2), "cannot be opened as HDF5"),
     "foreign": (edited_hdf5(lambda file: file.attrs.pop("handsight")), "schema version None"),
     "newer": (edited_hdf5(lambda file: file.attrs.modify("handsight", '{"schema_version": 99}')), "version 99"),
@@ -258,14 +264,14 @@ def _foreign(path: Path) -> None:
     zarr.create_group(str(path))
 
 
-BAD_ZARR: dict[str, tuple[Callable[[Path], None], str]] = {
+BAD_ZARR: dict[str, tuple[Callable[[Path], object], str]] = {
     "link": (_link_out, "holds a link at"),
     "bit": (_flip_chunk, "is damaged in row"),
     "newer": (_newer, "schema version 2"),
     "foreign": (_foreign, "schema version None"),
     "root": (lambda path: (path / "zarr.json").write_text("{"), "no readable group"),
     "missing array": (
-        lambda path: [shutil.rmtree(one) for one in path.glob("sessions/*/attempts/outcome")] and None,
+        lambda path: shutil.rmtree(next(path.glob("sessions/*/attempts/outcome"))),
         "attempts/outcome cannot be read",
     ),
 }
@@ -291,3 +297,65 @@ def test_a_session_of_other_instruments_is_refused_unless_allowed(dataset: Grasp
     assert len(GraspDataset.open(f"{tmp_path}/other").attempts) == 1
     import_dataset(tmp_path / "out", tmp_path / "other", allow_mismatch=True)
     assert len(GraspDataset.open(f"{tmp_path}/other").attempts) == 25
+
+
+def test_lerobot_finds_what_it_reads(dataset: GraspDataset, tmp_path: Path) -> None:
+    """The files and columns that LeRobotDataset v3.0 reads, one episode of one frame for each attempt."""
+    export_dataset(dataset, tmp_path / "out", format="lerobot")
+    info = json.loads((tmp_path / "out/meta/info.json").read_text())
+    assert (info["codebase_version"], info["total_episodes"], info["total_frames"]) == ("v3.0", 24, 24)
+    file = info["data_path"].format(chunk_index=0, file_index=0)
+    rows = pq.read_table(tmp_path / "out" / file)
+    assert set(rows.column_names) == set(info["features"])
+    episodes = pq.read_table(tmp_path / "out/meta/episodes/chunk-000/file-000.parquet").to_pydict()
+    assert episodes["dataset_from_index"] == episodes["episode_index"] == rows["episode_index"].to_pylist()
+    assert pd.read_parquet(tmp_path / "out/meta/tasks.parquet").iloc[0].name == "grasp"
+    for identity, row in zip(dataset.attempts.index, rows.to_pylist(), strict=True):
+        attempt = dataset.attempt(identity)
+        assert row["next.success"] == (attempt.outcome is Outcome.HELD)
+        assert (row["observation.images.overhead"] is None) == (attempt.overhead is None)
+        if attempt.overhead is not None:
+            depth = cv2.imdecode(np.frombuffer(row["observation.images.overhead_depth"]["bytes"], np.uint8), -1)
+            np.testing.assert_array_equal(depth, attempt.overhead.depth)
+    assert json.loads((tmp_path / "out/meta/stats.json").read_text())["action"]["count"] == [
+        int(dataset.attempts["pregrasp_x_m"].notna().sum())
+    ]
+
+
+def _foreign_lerobot(path: Path) -> None:
+    shutil.rmtree(path / "meta/handsight")
+
+
+def _truncate_data(path: Path) -> None:
+    file = path / "data/chunk-000/file-000.parquet"
+    os.truncate(file, file.stat().st_size // 2)
+
+
+def _pickle_column(path: Path) -> None:
+    file = next((path / "meta/handsight").glob("*.npz"))
+    with zipfile.ZipFile(file, "w") as archive, archive.open("attempts.number.npy", "w") as entry:
+        np.lib.format.write_array(entry, np.array([{}], dtype=object), allow_pickle=True)
+
+
+def _climb(path: Path) -> None:
+    file = next((path / "meta/handsight").glob("*.npz"))
+    file.rename(file.with_name("..npz"))
+
+
+BAD_LEROBOT: dict[str, tuple[Callable[[Path], None], str]] = {
+    "foreign": (_foreign_lerobot, "lacks what handsight exports"),
+    "truncated": (_truncate_data, "cannot be read from"),
+    "pickle": (_pickle_column, "lacks what handsight exports"),
+    "session name": (_climb, "lacks what handsight exports"),
+    "link": (lambda path: (path / "data/x").symlink_to("/"), "holds a link at"),
+}
+
+
+@pytest.mark.parametrize("name", BAD_LEROBOT)
+def test_a_bad_lerobot_folder_is_refused_and_leaves_nothing(dataset: GraspDataset, tmp_path: Path, name: str) -> None:
+    damage, message = BAD_LEROBOT[name]
+    export_dataset(dataset, tmp_path / "out", format="lerobot")
+    damage(tmp_path / "out")
+    with pytest.raises((InterchangeError, CorruptDataError), match=message):
+        import_dataset(tmp_path / "out", tmp_path / "new")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["grasps", "out"]

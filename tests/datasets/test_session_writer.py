@@ -290,7 +290,7 @@ def test_a_folder_that_cannot_be_written_is_a_storage_error(repository: GraspRep
     writer = SessionWriter.begin(repository, HEADER)
     writer.append(HELD)
     # A file in the place of a folder stops root too, whom permissions would not.
-    manifests = repository.path / "manifests"
+    manifests = repository.folder / "manifests"
     manifests.write_text("")
     with pytest.raises(StorageError, match="cannot commit to"):
         writer.commit()

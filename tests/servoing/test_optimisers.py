@@ -97,7 +97,7 @@ def test_regressed_gradient_matches_autograd_on_a_smooth_function() -> None:
 @pytest.mark.parametrize("bad", [{"elite": 0}, {"elite": 100}, {"iterations": 0}, {"max_steps": -1}])
 def test_impossible_cem_settings(bad: dict[str, int]) -> None:
     with pytest.raises(ServoSettingsError):
-        Cem(**bad)
+        Cem(**bad)  # type: ignore[arg-type]  # only integers are in these dicts
 
 
 @pytest.mark.parametrize("bad", [{"samples": 3}, {"learning_rate": 0.0}, {"decay": 1.0}, {"max_steps": -1}])

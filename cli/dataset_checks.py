@@ -1,0 +1,217 @@
+"""``handsight dataset stats|doctor|verify|repair|gc|expire``: is it sound, and what does it hold."""
+
+from __future__ import annotations
+
+import getpass
+import re
+from datetime import UTC, datetime, timedelta
+from typing import Annotated
+
+import typer
+
+from handsight.cli.options import Dataset, DatasetPath, Json, Seed
+from handsight.cli.output import console, print_json, print_table, progress_bar
+from handsight.datasets import GraspDataset, GraspRepository, VerifyReport, collect_garbage, expire, repair, verify
+from handsight.datasets.doctor import doctor
+from handsight.datasets.repair import ResimulateAttempt
+from handsight.datasets.schema import VIEWS
+from handsight.datasets.stats import Share, label_stats
+
+DryRun = Annotated[bool, typer.Option("--dry-run", help="Say what would be done, and do nothing.")]
+_AGE = re.compile(r"(\d+)([smhdw])")
+_UNITS = {"s": "seconds", "m": "minutes", "h": "hours", "d": "days", "w": "weeks"}
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands to ``handsight dataset``."""
+    app.command("stats")(stats)
+    app.command("doctor")(doctor_command)
+    app.command("verify")(verify_command)
+    app.command("repair")(repair_command)
+    app.command("gc")(gc)
+    app.command("expire")(expire_command)
+
+
+def stats(dataset: Dataset, as_json: Json = False) -> None:
+    """Show how labels are spread over objects, sessions, angles, openings and forces."""
+    found = label_stats(GraspDataset.open(dataset))
+    if as_json:
+        print_json(found)
+        return
+    console.print(
+        f"{found.successes} of {found.labelled} labelled attempts succeed; "
+        f"{found.unlabelled} carry no label, {found.excluded} are excluded"
+    )
+    for title, shares in (
+        ("object", found.objects),
+        ("session", found.sessions),
+        ("angle [rad]", found.angle_rad),
+        ("final opening [m]", found.width_m),
+        ("contact force [N]", found.force_n),
+    ):
+        print_table((title, "attempts", "successful"), [_share_row(share) for share in shares])
+
+
+def doctor_command(
+    dataset: Dataset,
+    deep: Annotated[bool, typer.Option("--deep", help="Look at every picture too.")] = False,
+    resimulate: Annotated[
+        int, typer.Option("--resimulate", metavar="K", min=0, help="Simulate K attempts again and compare.")
+    ] = 0,
+    seed: Seed = 0,
+    as_json: Json = False,
+) -> None:
+    """Check whether a version is fit to learn from; exit 1 when there are errors or warnings."""
+    opened = GraspDataset.open(dataset)
+    total = sum(int(opened.attempts[f"{view}_taken"].sum()) for view in VIEWS) if deep else 0
+    with progress_bar("examine", total) as bar:
+        found = doctor(
+            opened,
+            deep=deep,
+            resimulate=_simulator() if resimulate else None,
+            resimulated=resimulate,
+            seed=seed,
+            on_picture=bar.advance,
+        )
+    if as_json:
+        print_json({"ok": found.ok, "findings": found.findings})
+    else:
+        rows = [(one.code, one.severity, one.message, ", ".join(one.attempts[:3])) for one in found.findings]
+        if rows:
+            print_table(("code", "severity", "finding", "attempts"), rows)
+        console.print("fit to learn from" if found.ok else "look into the above; exclude what is bad, and run again")
+    if not found.ok:
+        raise typer.Exit(1)
+
+
+def verify_command(
+    dataset: Dataset,
+    jobs: Annotated[int, typer.Option("--jobs", "-j", min=0, help="Threads; 0 takes all cores.")] = 0,
+    as_json: Json = False,
+) -> None:
+    """Read every stored byte and compare it with what was recorded; exit 1 when something is damaged."""
+    report = _verified(GraspDataset.open(dataset), jobs)
+    if as_json:
+        print_json(
+            {
+                "checked": report.checked,
+                "corrupt": report.corrupt,
+                "faults": report.faults,
+                "damage": report.damage,
+                "bytes": report.bytes,
+            }
+        )
+    else:
+        _print_verified(report)
+    if not report.ok:
+        raise typer.Exit(1)
+
+
+def repair_command(
+    dataset: Dataset,
+    branch: Annotated[
+        str, typer.Option("--branch", help="Name of the branch to make; the version itself stays as it is.")
+    ],
+    resimulate: Annotated[
+        bool, typer.Option("--resimulate", help="Bring damaged attempts back by simulating them again.")
+    ] = False,
+    author: Annotated[str, typer.Option("--author", envvar="HANDSIGHT_AUTHOR", help="Who repairs.")] = "",
+    as_json: Json = False,
+) -> None:
+    """Replace damaged attempts on a new branch: simulated again, or else set aside."""
+    opened = GraspDataset.open(dataset)
+    report = _verified(opened, 0)
+    if report.ok:
+        console.print(f"nothing is damaged in {report.checked} attempts: no branch was made")
+        return
+    done = repair(
+        opened,
+        report,
+        branch=branch,
+        author=author or getpass.getuser(),
+        resimulate=_simulator() if resimulate else None,
+    )
+    if as_json:
+        print_json(done)
+        return
+    console.print(
+        f"branch [bold]{done.branch}[/] ({done.snapshot}): {len(done.simulated)} attempts brought back by simulation, "
+        f"{len(done.lost)} lost and excluded"
+    )
+
+
+def gc(
+    dataset: DatasetPath,
+    older_than: Annotated[
+        str, typer.Option("--older-than", metavar="AGE|DATE", help="Keep younger files: 2h, 7d, 2026-01-31.")
+    ] = "1h",
+    dry_run: DryRun = False,
+    as_json: Json = False,
+) -> None:
+    """Delete files that no version needs: of killed writers, deleted branches and expired commits."""
+    report = collect_garbage(GraspRepository.open(dataset), _moment(older_than), dry_run=dry_run)
+    if as_json:
+        print_json(report)
+        return
+    would = "would have deleted" if dry_run else "deleted"
+    console.print(
+        f"{would} {report.bytes / 1e6:.1f} MB: {report.chunks} chunks, {report.snapshots} snapshots, "
+        f"{report.other_files} other files from before {report.older_than:%Y-%m-%d %H:%M:%S} UTC"
+    )
+    for session in report.held_back_by:
+        console.print(f"session {session} is open and may be writing: nothing younger than its last commit is touched")
+
+
+def expire_command(
+    dataset: DatasetPath,
+    older_than: Annotated[
+        str, typer.Option("--older-than", metavar="AGE|DATE", help="Drop older commits: 2h, 7d, 2026-01-31.")
+    ],
+    dry_run: DryRun = False,
+    as_json: Json = False,
+) -> None:
+    """Drop old commits from the history; branches and releases keep their content. 'gc' then frees the space."""
+    report = expire(GraspRepository.open(dataset), _moment(older_than), dry_run=dry_run)
+    if as_json:
+        print_json(report)
+        return
+    would = "would have dropped" if dry_run else "dropped"
+    console.print(f"{would} {len(report.snapshots)} commits from before {report.older_than:%Y-%m-%d %H:%M:%S} UTC")
+
+
+def _verified(dataset: GraspDataset, jobs: int) -> VerifyReport:
+    with progress_bar("verify", sum(session.attempts for session in dataset.sessions)) as bar:
+        return verify(dataset, jobs=jobs or None, on_checked=bar.reached)
+
+
+def _print_verified(report: VerifyReport) -> None:
+    for attempt, fault in report.faults.items():
+        console.print(f"[bold]{attempt}[/] {fault}")
+    for damage in report.damage:
+        console.print(damage)
+    verdict = "as recorded" if report.ok else f"{len(report.corrupt)} of them corrupt"
+    console.print(f"{report.checked} attempts, {report.bytes / 1e6:.1f} MB read: {verdict}")
+
+
+def _share_row(share: Share) -> tuple[str, str, str]:
+    return share.name, str(share.attempts), f"{share.rate:.1%}" if share.attempts else "-"
+
+
+def _simulator() -> ResimulateAttempt:
+    """Imported here: PyBullet takes a while, and only two commands may need it."""
+    from handsight.cli.resimulate import Resimulator
+
+    return Resimulator()
+
+
+def _moment(text: str) -> datetime:
+    """An age such as ``7d``, or a date, as a time (UTC)."""
+    age = _AGE.fullmatch(text)
+    if age:
+        return datetime.now(UTC) - timedelta(**{_UNITS[age[2]]: int(age[1])})
+    try:
+        return datetime.fromisoformat(text).replace(tzinfo=UTC)
+    except ValueError as error:
+        raise typer.BadParameter(
+            f"{text!r} is no age or date, expected such as 2h, 7d or 2026-01-31", param_hint="--older-than"
+        ) from error

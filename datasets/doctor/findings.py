@@ -1,0 +1,32 @@
+"""What a check reports."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Literal
+
+Severity = Literal["error", "warning", "note"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Finding:
+    """One thing that is not as it should be."""
+
+    code: str
+    """Stable, such as GD-101; listed in the docstring of this package."""
+    severity: Severity
+    attempts: tuple[str, ...]
+    """Ids of the attempts it concerns; empty where it concerns the dataset as a whole."""
+    message: str
+
+
+def about(code: str, severity: Severity, attempts: Iterable[str], message: str) -> list[Finding]:
+    """One finding about some attempts; none where there are no attempts. ``{n}`` in the message is their number."""
+    ids = tuple(attempts)
+    return [Finding(code=code, severity=severity, attempts=ids, message=message.format(n=len(ids)))] if ids else []
+
+
+def whole(code: str, severity: Severity, message: str) -> Finding:
+    """A finding about the dataset as a whole."""
+    return Finding(code=code, severity=severity, attempts=(), message=message)

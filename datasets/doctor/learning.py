@@ -1,0 +1,53 @@
+"""GD-4xx and GD-501: whether the labels can be learned from and trusted."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from handsight.datasets.doctor.findings import Finding, about, whole
+from handsight.datasets.folds import Folds, fold_faults
+from handsight.datasets.reader import GraspDataset
+from handsight.datasets.records import Outcome
+from handsight.datasets.repair import ResimulateAttempt
+from handsight.datasets.schema import parse_attempt_id
+
+_RAREST = 0.05
+_FEWEST = 50
+"""Balance is not judged on fewer labelled attempts."""
+
+
+def balance_findings(dataset: GraspDataset) -> Iterator[Finding]:
+    """Whether both labels occur often enough."""
+    labels = dataset.attempts["success"][~dataset.attempts["excluded"]].dropna()
+    share = float(labels.mean()) if len(labels) else 0.5
+    if len(labels) >= _FEWEST and not _RAREST <= share <= 1 - _RAREST:
+        message = f"{share:.1%} of {len(labels)} labelled attempts succeed, expected {_RAREST:.0%} to {1 - _RAREST:.0%}"
+        yield whole("GD-401", "warning", message)
+
+
+def fold_findings(dataset: GraspDataset, folds: list[Folds]) -> Iterator[Finding]:
+    """Whether the stored folds still divide this version without leaks."""
+    for division in folds:
+        for fault in fold_faults(dataset, division):
+            yield whole("GD-402", "error", f"folds {division.name!r}: {fault}")
+
+
+def resimulation_findings(
+    dataset: GraspDataset, resimulate: ResimulateAttempt, count: int, generator: np.random.Generator
+) -> Iterator[Finding]:
+    """Perform some labelled attempts of simulated sessions again and compare how they end."""
+    table = dataset.attempts
+    rows = table[table["seed"].notna() & table["recorded_success"].notna() & ~table["excluded"]]
+    chosen = rows.index[np.sort(generator.permutation(len(rows))[:count])]
+    wrong = []
+    for attempt in chosen:
+        _, number = parse_attempt_id(attempt)
+        again = resimulate(dataset.session(attempt).header, number)
+        if again is not None and again.outcome != Outcome[table.loc[attempt, "outcome"].upper()]:
+            wrong.append(attempt)
+    message = (
+        f"{{n}} of {len(chosen)} attempts end otherwise when they are simulated again: other code, assets or seeds"
+    )
+    yield from about("GD-501", "error", wrong, message)
