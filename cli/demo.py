@@ -22,7 +22,7 @@ from handsight.cli.train import train_to_folder
 from handsight.collection.collector import CollectSettings
 from handsight.datasets import GraspDataset, GraspRepository
 from handsight.evaluation.evaluate import BenchFactory, EvaluationSettings, record_trial
-from handsight.evaluation.methods import METHODS
+from handsight.evaluation.methods import METHODS, SERVO_METHODS
 from handsight.evaluation.results import ResultRow
 from handsight.training.run import CARD, WEIGHTS, load_run
 from handsight.training.trainer import TrainSettings
@@ -156,11 +156,17 @@ def _record(paths: DemoPaths, release: str, rows: list[ResultRow], settings: Eva
 
 
 def _most_telling_trial(trials: list[dict[str, Any]]) -> int:
-    """The trial that shows most of the method: a success after as many moves as any, where random grasping failed."""
+    """The trial that shows most of the method.
+
+    A success where random grasping failed, ended by the threshold and not by the step limit, after many moves.
+    """
     lost = {trial["number"] for trial in trials if trial["method"] == "random" and not trial["success"]}
-    shown = [trial for trial in trials if trial["method"] == SHOWN_METHOD]
-    best = max(shown, key=lambda trial: (trial["success"], trial["number"] in lost, trial["moves"]))
-    return int(best["number"])
+    limit = SERVO_METHODS[SHOWN_METHOD].max_steps
+
+    def telling(trial: dict[str, Any]) -> tuple[bool, bool, bool, int]:
+        return trial["success"], trial["number"] in lost, trial["moves"] < limit, trial["moves"]
+
+    return int(max((one for one in trials if one["method"] == SHOWN_METHOD), key=telling)["number"])
 
 
 def _show(paths: DemoPaths, release: str, rows: list[ResultRow]) -> None:
