@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import json
+import shutil
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -18,12 +20,13 @@ from handsight.cli.options import Seed, Workers
 from handsight.cli.output import console
 from handsight.cli.servo import write_trace
 from handsight.cli.stations import sim_station
-from handsight.cli.train import train_to_folder
+from handsight.cli.train import describe, train_to_folder
 from handsight.collection.collector import CollectSettings
 from handsight.datasets import GraspDataset, GraspRepository
 from handsight.evaluation.evaluate import BenchFactory, EvaluationSettings, record_trial
 from handsight.evaluation.methods import METHODS, SERVO_METHODS
 from handsight.evaluation.results import ResultRow
+from handsight.training.metrics import Metrics
 from handsight.training.run import CARD, WEIGHTS, load_run
 from handsight.training.trainer import TrainSettings
 from handsight.viz.figures import results_figure
@@ -113,11 +116,8 @@ def _train(paths: DemoPaths, release: str, settings: TrainSettings) -> None:
     dataset = GraspDataset.open(address)
     if not (paths.run / CARD).exists() or load_run(paths.run).origin.digest != dataset.digest:
         train_to_folder(dataset, address, paths.run, settings, view="overhead")
-    held_out = load_run(paths.run).card["history"][-1]["held_out"]
-    console.print(
-        f"   {paths.run}: balanced accuracy {held_out['accuracy']:.2f}, AUC {held_out['auc']:.2f} on "
-        f"{held_out['attempts']} attempts kept aside"
-    )
+    held_out = Metrics(**load_run(paths.run).card["history"][-1]["held_out"])
+    console.print(f"   {paths.run}: {describe(held_out)}")
 
 
 def _evaluate(paths: DemoPaths, settings: EvaluationSettings) -> list[ResultRow]:
@@ -172,15 +172,24 @@ def _most_telling_trial(trials: list[dict[str, Any]]) -> int:
 def _show(paths: DemoPaths, release: str, rows: list[ResultRow]) -> None:
     console.print()
     print_results(rows)
+    handsight, rerun = _typed("handsight"), _typed("rerun")
     commands = [
-        ("the dataset", f"handsight dataset ls {paths.dataset}@{release}"),
-        ("heatmaps", f"rerun {paths.heatmaps}"),
-        ("a servo run", f"rerun {paths.trace}"),
+        ("the dataset", f"{handsight} dataset ls {paths.dataset}@{release}"),
+        ("heatmaps", f"{rerun} {paths.heatmaps}"),
+        ("a servo run", f"{rerun} {paths.trace}"),
         ("the figure", str(paths.figure)),
-        ("more trials", f"handsight evaluate --model {paths.run} --trials 200"),
+        ("more trials", f"{handsight} evaluate --model {paths.run} --trials 200"),
     ]
     for what, command in commands:
         console.print(f"  [bold]{what:<12}[/] {command}")
+
+
+def _typed(program: str) -> str:
+    """How to call a program of this environment from here: by name, or by path where it is not on PATH."""
+    if shutil.which(program):
+        return program
+    beside = Path(sys.executable).with_name(program)
+    return str(beside.relative_to(Path.cwd())) if beside.is_relative_to(Path.cwd()) else str(beside)
 
 
 def _headline(text: str) -> None:

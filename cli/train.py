@@ -13,6 +13,7 @@ from handsight.datasets import GraspDataset
 from handsight.datasets.materialize import GraspInputs, materialize
 from handsight.servoing.homography import InputGrid
 from handsight.training.gqn import GqnConfig
+from handsight.training.metrics import Metrics
 from handsight.training.run import DataOrigin, check_run_folder, save_run
 from handsight.training.trainer import Epoch, TrainSettings, train
 
@@ -35,11 +36,16 @@ def train_command(
     if as_json:
         print_json({"run": out, "epoch": final})
     else:
-        held_out = final.held_out
-        console.print(
-            f"[bold]{out}[/]: balanced accuracy {held_out.accuracy:.3f}, AUC {held_out.auc:.3f} "
-            f"on {held_out.attempts} attempts kept aside"
-        )
+        console.print(f"[bold]{out}[/]: {describe(final.held_out)}")
+
+
+def describe(held_out: Metrics) -> str:
+    """How good the network is, in words."""
+    if held_out.accuracy is None or held_out.auc is None:
+        return f"too few attempts kept aside ({held_out.attempts}) to say how good it is"
+    return (
+        f"balanced accuracy {held_out.accuracy:.2f}, AUC {held_out.auc:.2f} on {held_out.attempts} attempts kept aside"
+    )
 
 
 def train_to_folder(

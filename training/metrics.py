@@ -14,24 +14,25 @@ class Metrics:
     """Quality of predictions on attempts with known labels."""
 
     attempts: int
-    accuracy: float
-    """Balanced accuracy at S > 0.5, as for the balanced test sets of section VI-B; NaN with one class only."""
-    auc: float
-    """Area under the ROC curve: how often a success scores above a failure; NaN with one class only."""
-    loss: float
-    """Mean binary cross-entropy."""
+    accuracy: float | None
+    """Balanced accuracy at S > 0.5, as for the balanced test sets of section VI-B; None with one class only."""
+    auc: float | None
+    """Area under the ROC curve: how often a success scores above a failure; None with one class only."""
+    loss: float | None
+    """Mean binary cross-entropy; None without attempts."""
 
 
 def evaluate_scores(scores: NDArray[np.float32], labels: NDArray[np.float32]) -> Metrics:
     """Compare predicted success in [0, 1], shape (N,), with labels 0 or 1, shape (N,)."""
     good = labels > 0.5
     clipped = np.clip(scores.astype(np.float64), 1e-7, 1 - 1e-7)
-    loss = -np.where(good, np.log(clipped), np.log1p(-clipped)).mean() if len(labels) else np.nan
-    accuracy = auc = float("nan")
+    loss = -float(np.where(good, np.log(clipped), np.log1p(-clipped)).mean()) if len(labels) else None
+    accuracy: float | None = None
+    auc: float | None = None
     if good.any() and not good.all():
         accuracy = 0.5 * float((scores[good] > 0.5).mean() + (scores[~good] <= 0.5).mean())
         # Mann and Whitney: the rank sum of the successes counts the pairs in which a success scores higher.
         ranks = stats.rankdata(scores)
         pairs = good.sum() * (~good).sum()
         auc = float((ranks[good].sum() - good.sum() * (good.sum() + 1) / 2) / pairs)
-    return Metrics(attempts=len(labels), accuracy=accuracy, auc=auc, loss=float(loss))
+    return Metrics(attempts=len(labels), accuracy=accuracy, auc=auc, loss=loss)

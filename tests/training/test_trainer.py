@@ -38,7 +38,7 @@ def test_training_learns_the_rule_and_it_carries_over() -> None:
     network, history = train(drawn_inputs(300, seed=0), SMALL)
     assert history[-1].train_loss < 0.5 * history[0].train_loss
     assert history[-1].held_out.attempts == 75
-    assert history[-1].held_out.auc > 0.95
+    assert (history[-1].held_out.auc or 0) > 0.95
     fresh = drawn_inputs(100, seed=9)
     scores = predict(network, fresh.inputs, torch.arange(100))
     assert scores[fresh.labels == 1].mean() > scores[fresh.labels == 0].mean() + 0.4
