@@ -66,5 +66,7 @@ def collect_with_progress(
         try:
             return collect(repository, factory, settings, resume=resume, on_attempt=show)
         except KeyboardInterrupt:
-            errors.print("interrupted: every finished attempt is committed; run it again to go on (collect: with --resume)")
+            errors.print(
+                "interrupted: every finished attempt is committed; run it again to go on (collect: with --resume)"
+            )
             raise typer.Exit(130) from None
