@@ -49,8 +49,11 @@ def write_heatmap_recording(
     examples = []
     with progress_bar("heatmaps", len(attempts)) as bar:
         for key, snapshot in dataset.snapshots("overhead", attempts):
-            view = station_view(snapshot, dataset.station(key))
+            card = dataset.station(key)
+            view = station_view(snapshot, card)
             heatmap = grasp_heatmap(view, scorer, grid=run.grid, spacing_px=spacing_px)
-            examples.append(HeatmapExample(title=key, view=view, heatmap=heatmap))
+            examples.append(
+                HeatmapExample(title=key, view=view, heatmap=heatmap, grid=run.grid, jaws_m=card.gripper_stroke_m)
+            )
             bar.advance()
     write_heatmaps(out, examples)
