@@ -14,7 +14,6 @@ from handsight.cli.stations import sim_station
 from handsight.evaluation.evaluate import BenchFactory, EvaluationSettings, evaluate, method_names
 from handsight.evaluation.methods import METHODS
 from handsight.evaluation.results import ResultRow, result_rows
-from handsight.evaluation.trial import Trial
 from handsight.servoing.loop import ServoSettings
 from handsight.training.run import load_run
 
@@ -51,15 +50,8 @@ def evaluate_model(model: Path, objects: str, settings: EvaluationSettings) -> d
     """Run the trials behind a progress bar; returns what ``evaluate --json`` prints."""
     run = load_run(model)
     factory = BenchFactory(open_station=sim_station(objects), run=model)
-    successes = 0
     with progress_bar("evaluate", settings.trials * len(settings.methods)) as bar:
-
-        def show(trial: Trial) -> None:
-            nonlocal successes
-            successes += trial.success
-            bar.advance()
-
-        done = evaluate(factory, settings, on_trial=show)
+        done = evaluate(factory, settings, on_trial=lambda trial: bar.advance())
     return {
         "rows": result_rows(done, objects=objects, methods=settings.methods),
         "model": str(model),

@@ -52,7 +52,6 @@ class TrialRecording:
     station: StationCard
     scene: SceneObjects | None
     overhead: Snapshot
-    pregrasp_height_m: float
 
 
 def run_trial(
@@ -119,5 +118,4 @@ def _recording(progress: AttemptProgress, trial: Trial, trace: ServoTrace | None
         station=card,
         scene=progress.scene,
         overhead=progress.overhead,
-        pregrasp_height_m=card.pregrasp_height_m,
     )

@@ -66,12 +66,3 @@ class PlanarPose:
         """Read the planar part of a top-down tool pose, shape (4, 4)."""
         angle_rad = math.atan2(pose_base_tool[1, 0], pose_base_tool[0, 0])
         return cls(x_m=float(pose_base_tool[0, 3]), y_m=float(pose_base_tool[1, 3]), angle_rad=angle_rad)
-
-
-JAW_SYMMETRY_RAD = math.pi
-"""A parallel gripper turned by half a turn is the same gripper."""
-
-
-def wrap_jaw_angle(angle_rad: float) -> float:
-    """The equivalent angle of a two-finger gripper in [-pi/2, pi/2]."""
-    return math.remainder(angle_rad, JAW_SYMMETRY_RAD)

@@ -117,7 +117,11 @@ def _ranges(recording: TrialRecording) -> TraceRanges:
         width_px=k.width,
         height_px=k.height,
         input_px=trace.steps[0].inputs.shape[-1],
-        scene_centre_m=(0.5 * (x_m + overhead_x_m), 0.5 * (y_m + overhead_y_m), 0.30 * recording.pregrasp_height_m),
+        scene_centre_m=(
+            0.5 * (x_m + overhead_x_m),
+            0.5 * (y_m + overhead_y_m),
+            0.30 * recording.station.pregrasp_height_m,
+        ),
     )
 
 
@@ -167,7 +171,9 @@ def _log_once(stream: rr.RecordingStream, recording: TrialRecording) -> None:
 
 
 def _log_gripper(stream: rr.RecordingStream, recording: TrialRecording, number: int) -> None:
-    poses = [step.pose.pose_base_tool(recording.pregrasp_height_m) for step in recording.trace.steps[: number + 1]]
+    poses = [
+        step.pose.pose_base_tool(recording.station.pregrasp_height_m) for step in recording.trace.steps[: number + 1]
+    ]
     stream.log("world/tool", rr.Transform3D(translation=poses[-1][:3, 3], mat3x3=poses[-1][:3, :3]))
     path_m = np.array([pose[:3, 3] for pose in poses])  # (number + 1, 3)
     stream.log("world/trajectory/path", rr.LineStrips3D([path_m], colors=[palette.TRAJECTORY], radii=[0.0025]))
@@ -178,7 +184,7 @@ def _log_pictures(
     stream: rr.RecordingStream, recording: TrialRecording, step: ServoStep, heatmap: Heatmap | None
 ) -> None:
     view, inputs = step.view, step.inputs.numpy(force=True)  # (4, size, size)
-    height_m = recording.pregrasp_height_m - recording.station.camera.z_tool_camera_m
+    height_m = recording.station.pregrasp_height_m - recording.station.camera.z_tool_camera_m
     stream.log(f"{CAMERA}/rgb", jpeg(view.rgb))
     if heatmap is not None:
         log_overlay(stream, f"{CAMERA}/heat", heatmap)
@@ -252,7 +258,7 @@ def _log_grasp(stream: rr.RecordingStream, recording: TrialRecording) -> None:
     text = f"{outcome(recording)} · S {trace.grasp_score:.2f}"
     log_label(stream, f"{CAMERA}/text", frame, [grasp], text, width_m=card.gripper_stroke_m)
     pose = trace.grasp_pose.pose_base_tool(0.0)
-    start_m = trace.grasp_pose.pose_base_tool(recording.pregrasp_height_m)[:3, 3]
+    start_m = trace.grasp_pose.pose_base_tool(recording.station.pregrasp_height_m)[:3, 3]
     stream.log("world/grasp/jaws", rr.Transform3D(translation=pose[:3, 3], mat3x3=pose[:3, :3]))
     stream.log("world/grasp/jaws", gripper_boxes(card.gripper_stroke_m, colour=colour))
     stream.log("world/grasp/descent", rr.LineStrips3D([[start_m, pose[:3, 3]]], colors=[colour], radii=[0.002]))

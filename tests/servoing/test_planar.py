@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from handsight.servoing.planar import PlanarPose, PlanarStep, wrap_jaw_angle
+from handsight.servoing.planar import PlanarPose, PlanarStep
 
 metres = st.floats(-2, 2)
 angles = st.floats(-3, 3)
@@ -44,10 +44,3 @@ def test_pose_base_tool_is_a_rigid_motion_that_points_down(pose: PlanarPose) -> 
     back = PlanarPose.from_pose_base_tool(matrix)
     assert (back.x_m, back.y_m) == (pose.x_m, pose.y_m)
     assert math.remainder(back.angle_rad - pose.angle_rad, 2 * math.pi) == pytest.approx(0, abs=1e-12)
-
-
-@given(angle_rad=st.floats(-20, 20))
-def test_wrapped_jaw_angle_is_the_same_grasp(angle_rad: float) -> None:
-    wrapped = wrap_jaw_angle(angle_rad)
-    assert abs(wrapped) <= math.pi / 2 + 1e-12
-    assert math.sin(2 * (wrapped - angle_rad)) == pytest.approx(0, abs=1e-6)

@@ -93,7 +93,7 @@ def test_the_tool_stands_where_the_trace_says(content: Content, trial: TrialReco
     translations = content["/world/tool"]["Transform3D:translation"]
     assert [time for time, _ in translations] == list(range(len(trial.trace.steps)))
     for (_, translation_m), step in zip(translations, trial.trace.steps, strict=True):
-        expected_m = (step.pose.x_m, step.pose.y_m, trial.pregrasp_height_m)
+        expected_m = (step.pose.x_m, step.pose.y_m, trial.station.pregrasp_height_m)
         assert translation_m[0] == pytest.approx(expected_m, abs=1e-6)
 
 
