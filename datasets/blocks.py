@@ -15,7 +15,7 @@ from handsight.datasets.engine import append_rows, array_at, group_at, read_rows
 from handsight.datasets.errors import RecordError
 from handsight.datasets.records import GraspAttempt, SessionHeader, Snapshot
 from handsight.datasets.rows import snapshot_of, to_row
-from handsight.datasets.schema import COLUMN_CHUNK_ROWS, COLUMNS, VIEWS, View, create_array, object_slots
+from handsight.datasets.schema import COLUMN_CHUNK_ROWS, COLUMNS, VIEWS, View, create_array, slots_of
 from handsight.datasets.validation import attempt_faults
 
 Columns = dict[str, NDArray[Any]]
@@ -44,7 +44,7 @@ def prepare(attempt: GraspAttempt, header: SessionHeader, *, session: str, numbe
         faults.insert(0, f"number is {attempt.number}, expected {number}")
     if faults:
         raise RecordError(f"attempt {attempt.number} of session {session} is refused: {'; '.join(faults)}")
-    row = to_row(attempt, slots=object_slots(header.objects_per_scene))
+    row = to_row(attempt, slots=slots_of(header))
     row["digest"] = np.frombuffer(attempt_digest(attempt, header.station), dtype=np.uint8)
     snapshots = {view: snapshot_of(attempt, view) for view in VIEWS}
     columns = {f"attempts/{name}": value for name, value in row.items()}

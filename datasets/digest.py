@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from handsight.datasets.header import canonical_json, station_to_json
 from handsight.datasets.records import GraspAttempt, SceneObjects, StationCard
 from handsight.datasets.rows import snapshot_of, to_row
-from handsight.datasets.schema import COLUMNS, VIEWS
+from handsight.datasets.schema import COLUMNS, VIEWS, Slots
 
 _ATTEMPT_PREFIX = b"handsight attempt 1\n"
 _DATASET_PREFIX = b"handsight dataset 1\n"
@@ -32,11 +32,13 @@ def attempt_digest(attempt: GraspAttempt, station: StationCard) -> bytes:
     digest = hashlib.sha256(_ATTEMPT_PREFIX)
     instruments = station_to_json(station)
     del instruments["objects"]
+    if not station.conditions:
+        del instruments["conditions"]  # Schema 1 knew of none, and its digests stay what they are.
     _feed_text(digest, "station", canonical_json(instruments))
     _feed_text(digest, "objects", canonical_json(object_names(attempt.scene, station)))
-    row = to_row(attempt, slots=0 if attempt.scene is None else len(attempt.scene.catalogue_index))
+    row = to_row(attempt, slots=_exact_slots(attempt.scene))
     for column in COLUMNS:
-        if column.digested:
+        if column.digested and (column.since == 1 or not np.isnan(row[column.name]).all()):
             _feed_array(digest, column.name, row[column.name])
     for view in VIEWS:
         snapshot = snapshot_of(attempt, view)
@@ -60,6 +62,13 @@ def dataset_digest(attempt_digests: Iterable[bytes]) -> str:
 def object_names(scene: SceneObjects | None, station: StationCard) -> tuple[str, ...]:
     """The objects of a scene by name, in the scene's order."""
     return () if scene is None else tuple(station.objects[index] for index in scene.catalogue_index)
+
+
+def _exact_slots(scene: SceneObjects | None) -> Slots:
+    """As wide as the scene, so that the width of the session's columns does not matter."""
+    if scene is None:
+        return Slots(objects=0, conditions=0)
+    return Slots(objects=len(scene.catalogue_index), conditions=len(scene.conditions))
 
 
 def _feed_text(digest: hashlib._Hash, name: str, text: str) -> None:

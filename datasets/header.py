@@ -23,15 +23,15 @@ def canonical_json(value: Any) -> str:
 
 def station_to_json(station: StationCard) -> dict[str, Any]:
     """A station card as JSON values."""
-    return {**asdict(station), "objects": list(station.objects)}
+    return {**asdict(station), "objects": list(station.objects), "conditions": list(station.conditions)}
 
 
 def station_from_json(card: dict[str, Any]) -> StationCard:
     """The station card that ``station_to_json`` was given."""
     camera = dict(card["camera"])
     intrinsics = Intrinsics(**camera.pop("intrinsics"))
-    rest = {key: value for key, value in card.items() if key not in ("camera", "objects")}
-    return StationCard(camera=HandCamera(intrinsics=intrinsics, **camera), objects=tuple(card["objects"]), **rest)
+    names = {key: tuple(card[key]) for key in ("objects", "conditions")}
+    return StationCard(**{**card, **names, "camera": HandCamera(intrinsics=intrinsics, **camera)})
 
 
 def header_to_json(header: SessionHeader) -> dict[str, Any]:

@@ -8,7 +8,7 @@ closing direction of the jaws, z along the approach); C is the camera frame (x r
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Any
 
@@ -60,6 +60,8 @@ class StationCard:
     """Height of the fingertips above the table when the grasp policy starts (0.4 in simulation, 0.2 on the rig) [m]."""
     objects: tuple[str, ...] = ()
     """Catalogue of object ids; attempts index into it."""
+    conditions: tuple[str, ...] = ()
+    """Names of what is varied from attempt to attempt, such as ``table_friction``; scenes hold the values."""
     serials: dict[str, str] | None = None
     """Serial numbers of robot, camera and gripper, where there are any."""
 
@@ -74,6 +76,8 @@ class SceneObjects:
     """Position [m] and quaternion, as x y z qx qy qz qw, when the overhead picture was taken. Shape (M, 7)."""
     target: int
     """Which of the M objects the pre-grasp pose was drawn around."""
+    conditions: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
+    """Values of ``StationCard.conditions`` in this attempt. Shape (K,)."""
 
 
 PHASES = ("settle", "look", "reach", "descend", "close", "lift", "shake")
@@ -108,6 +112,8 @@ class GraspAttempt:
     pregrasp_y_m: float
     pregrasp_angle_rad: float
     """The pre-grasp pose commanded, in the base frame."""
+    predicted_success: float = float("nan")
+    """What the network that chose the pose expected of it; NaN where none did."""
     pose_base_tool_grasp: NDArray[np.float64]
     """Measured tool pose when the jaws closed; NaN when they did not. Shape (4, 4)."""
     contact_force_n: float

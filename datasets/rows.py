@@ -15,20 +15,21 @@ from handsight.datasets.records import (
     SceneObjects,
     Snapshot,
 )
-from handsight.datasets.schema import COLUMNS, FAILURE_BYTES, VIEWS, View
+from handsight.datasets.schema import COLUMNS, FAILURE_BYTES, VIEWS, Slots, View
 
 Row = dict[str, NDArray[Any]]
 """One value for each column; shapes as in the schema."""
 
 
-def to_row(attempt: GraspAttempt, *, slots: int) -> Row:
-    """The columns of an attempt except ``digest``, in fresh memory, with ``slots`` places for objects."""
+def to_row(attempt: GraspAttempt, *, slots: Slots) -> Row:
+    """The columns of an attempt except ``digest``, in fresh memory, as wide as ``slots`` says."""
     values: dict[str, Any] = {
         "number": attempt.number,
         "outcome": int(attempt.outcome),
         "failure": text_to_bytes(attempt.failure, FAILURE_BYTES),
         "picture_taken": [snapshot_of(attempt, view) is not None for view in VIEWS],
         "pregrasp_x_y_angle": (attempt.pregrasp_x_m, attempt.pregrasp_y_m, attempt.pregrasp_angle_rad),
+        "predicted_success": attempt.predicted_success,
         "pose_base_tool_grasp": attempt.pose_base_tool_grasp,
         "contact_force_n": attempt.contact_force_n,
         "gripper_width_m": (
@@ -67,6 +68,7 @@ def from_row(row: Mapping[str, NDArray[Any]], snapshots: Mapping[View, Snapshot 
         pregrasp_x_m=x_m,
         pregrasp_y_m=y_m,
         pregrasp_angle_rad=angle_rad,
+        predicted_success=float(row["predicted_success"]),
         pose_base_tool_grasp=np.array(row["pose_base_tool_grasp"]),
         contact_force_n=float(row["contact_force_n"]),
         gripper=GripperReadings(before_m=before_m, closed_m=closed_m, lifted_m=lifted_m, final_m=final_m),
@@ -90,12 +92,14 @@ def text_to_bytes(text: str, size: int) -> NDArray[np.uint8]:
 
 def _scene_values(scene: SceneObjects | None) -> dict[str, Any]:
     if scene is None:
-        return {"object_count": -1, "target": -1, "catalogue_index": [], "pose_base_object": np.empty((0, 7))}
+        nothing = {"catalogue_index": [], "pose_base_object": np.empty((0, 7)), "conditions": []}
+        return {"object_count": -1, "target": -1, **nothing}
     return {
         "object_count": len(scene.catalogue_index),
         "target": scene.target,
         "catalogue_index": scene.catalogue_index,
         "pose_base_object": scene.pose_base_object,
+        "conditions": scene.conditions,
     }
 
 
@@ -107,6 +111,8 @@ def _scene(row: Mapping[str, NDArray[Any]]) -> SceneObjects | None:
         catalogue_index=np.array(row["catalogue_index"][:count]),
         pose_base_object=np.array(row["pose_base_object"][:count]),
         target=int(row["target"]),
+        # Values are finite; a session without conditions has one place that holds NaN.
+        conditions=row["conditions"][~np.isnan(row["conditions"])],
     )
 
 

@@ -19,17 +19,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal, get_args
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 import zarr
 from zarr.codecs import BloscCodec, Crc32cCodec
 
 from handsight.datasets.errors import AttemptNotFoundError
-from handsight.datasets.records import PHASES
-from handsight.servoing.camera import Intrinsics
+from handsight.datasets.records import PHASES, SessionHeader
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 """Written to every new dataset; a dataset with a larger number is refused."""
 
 View = Literal["overhead", "pregrasp"]
@@ -51,19 +50,29 @@ PACKED_CHUNK_ROWS = 16384
 reading costs a millisecond for each chunk."""
 
 
+class Slots(NamedTuple):
+    """Places in one row of the columns whose width differs between sessions."""
+
+    objects: int
+    conditions: int
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Column:
     """One value, or one small array, for each attempt."""
 
     name: str
     dtype: str
-    shape: Callable[[int], tuple[int, ...]] = lambda width: ()
-    """Shape of one row, from the number of object slots of the session."""
+    shape: Callable[[Slots], tuple[int, ...]] = lambda slots: ()
+    """Shape of one row, from the slots of the session."""
     unit: str = ""
     fill: float | int | bool = 0
     """What a slot holds that belongs to nothing, such as the second object of a scene with one."""
     digested: bool = True
     """Whether the value is content; ids and clock times are not."""
+    since: int = 1
+    """Schema version that brought the column. Where it holds nothing it stays out of the digest, so that attempts of
+    older datasets keep theirs."""
     description: str
 
 
@@ -75,28 +84,35 @@ COLUMNS = (
     Column(
         name="failure",
         dtype="uint8",
-        shape=lambda width: (FAILURE_BYTES,),
+        shape=lambda slots: (FAILURE_BYTES,),
         description="'phase: reason' in UTF-8, padded with zeros; empty where the attempt ran to its end.",
     ),
     Column(
         name="picture_taken",
         dtype="bool",
-        shape=lambda width: (len(VIEWS),),
+        shape=lambda slots: (len(VIEWS),),
         fill=False,
         description=f"Whether there is a picture: {', '.join(VIEWS)}.",
     ),
     Column(
         name="pregrasp_x_y_angle",
         dtype="float64",
-        shape=lambda width: (3,),
+        shape=lambda slots: (3,),
         unit="m, m, rad",
         fill=_NAN,
         description="The pre-grasp pose commanded, in the base frame.",
     ),
     Column(
+        name="predicted_success",
+        dtype="float64",
+        since=2,
+        fill=_NAN,
+        description="Success that the network which chose the pre-grasp pose expected; NaN where none did.",
+    ),
+    Column(
         name="pose_base_tool_grasp",
         dtype="float64",
-        shape=lambda width: (4, 4),
+        shape=lambda slots: (4, 4),
         unit="m",
         fill=_NAN,
         description="Tool pose measured when the jaws closed; NaN when they did not.",
@@ -111,7 +127,7 @@ COLUMNS = (
     Column(
         name="gripper_width_m",
         dtype="float64",
-        shape=lambda width: (4,),
+        shape=lambda slots: (4,),
         unit="m",
         fill=_NAN,
         description="Jaw opening before, closed, lifted and final; NaN where the attempt never got there.",
@@ -121,7 +137,7 @@ COLUMNS = (
     Column(
         name="catalogue_index",
         dtype="int16",
-        shape=lambda width: (width,),
+        shape=lambda slots: (slots.objects,),
         fill=-1,
         digested=False,
         description="Index of each object in the session's catalogue. The digest takes the names instead.",
@@ -129,16 +145,24 @@ COLUMNS = (
     Column(
         name="pose_base_object",
         dtype="float64",
-        shape=lambda width: (width, 7),
+        shape=lambda slots: (slots.objects, 7),
         unit="m, 1",
         fill=_NAN,
         description="Position and quaternion, as x y z qx qy qz qw, when the overhead picture was taken.",
+    ),
+    Column(
+        name="conditions",
+        dtype="float64",
+        since=2,
+        shape=lambda slots: (slots.conditions,),
+        fill=_NAN,
+        description="Values of the session's named conditions, varied from attempt to attempt.",
     ),
     Column(name="truth_held", dtype="int8", fill=-1, description="Simulator truth: 0, 1, or -1 where there is none."),
     Column(
         name="phase_s",
         dtype="float32",
-        shape=lambda width: (len(PHASES),),
+        shape=lambda slots: (len(PHASES),),
         unit="s",
         fill=_NAN,
         description=f"Duration of {', '.join(PHASES)} in the station's own time.",
@@ -146,7 +170,7 @@ COLUMNS = (
     Column(
         name="started_elapsed_ns",
         dtype="int64",
-        shape=lambda width: (2,),
+        shape=lambda slots: (2,),
         unit="ns",
         digested=False,
         description="Wall clock at the start, since the epoch, and wall time taken.",
@@ -154,7 +178,7 @@ COLUMNS = (
     Column(
         name="digest",
         dtype="uint8",
-        shape=lambda width: (32,),
+        shape=lambda slots: (32,),
         digested=False,
         description="SHA-256 of the attempt's content, see digest.py.",
     ),
@@ -163,9 +187,9 @@ COLUMNS = (
 milliseconds for each array it touches."""
 
 
-def object_slots(objects_per_scene: int) -> int:
-    """Width of the per-object columns; at least one, because an array cannot have chunks of no width."""
-    return max(1, objects_per_scene)
+def slots_of(header: SessionHeader) -> Slots:
+    """The slots of a session; at least one of each kind, because an array cannot have chunks of no width."""
+    return Slots(objects=max(1, header.objects_per_scene), conditions=max(1, len(header.station.conditions)))
 
 
 def packed_rows(status: str, attempts: int) -> int:
@@ -190,10 +214,9 @@ def parse_attempt_id(text: str) -> tuple[str, int]:
     return session, int(number)
 
 
-def create_arrays(
-    session: zarr.Group, intrinsics: Intrinsics, objects_per_scene: int, *, column_rows: int = COLUMN_CHUNK_ROWS
-) -> None:
+def create_arrays(session: zarr.Group, header: SessionHeader, *, column_rows: int = COLUMN_CHUNK_ROWS) -> None:
     """Create the empty arrays of a session, with ``column_rows`` rows in one chunk of a column."""
+    intrinsics = header.station.camera.intrinsics
     for view in VIEWS:
         group = session.create_group(view)
         frame = (intrinsics.height, intrinsics.width)
@@ -207,7 +230,7 @@ def create_arrays(
             attempts,
             column.name,
             dtype=column.dtype,
-            row=column.shape(object_slots(objects_per_scene)),
+            row=column.shape(slots_of(header)),
             rows=column_rows,
             fill=column.fill,
             attributes={"unit": column.unit, "description": column.description},

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from handsight.datasets.records import PHASES, Outcome
 from handsight.datasets.rows import text_from_bytes
-from handsight.datasets.schema import COLUMNS, VIEWS, attempt_id
+from handsight.datasets.schema import COLUMNS, VIEWS, Slots, attempt_id
 from handsight.datasets.sessions import SessionInfo
 
 Columns = Mapping[str, NDArray[Any]]
@@ -45,21 +45,25 @@ def attempts_table(sessions: Sequence[tuple[SessionInfo, Columns]], names: Itera
     """One row for each attempt, indexed by its id, in the order of sessions and numbers.
 
     ``success`` is missing where the attempt carries no label, ``truth_held`` where there is no truth, ``seed`` and
-    ``target`` where they are not known. Lengths in metres, angles in radians, times in seconds, ``started`` in UTC.
+    ``target`` where they are not known. Conditions that were varied have columns of their own. Lengths in metres,
+    angles in radians, times in seconds, ``started`` in UTC.
 
     Args:
         sessions: The sessions and what they recorded.
         names: Columns of the table to make; None for all. A million rows take a second for some of them.
     """
-    wanted = list(_TABLE) if names is None else list(names)
+    makers = dict(TABLE)
+    for condition in sorted({name for info, _ in sessions for name in info.header.station.conditions}):
+        makers[condition] = _condition(condition)
+    wanted = {name: makers[name] for name in (makers if names is None else names)}
     frames = [_session_table(info, columns, wanted) for info, columns in sessions if info.attempts]
     return pd.concat(frames) if frames else _session_table(None, _no_columns(), wanted)
 
 
-def _session_table(info: SessionInfo | None, columns: Columns, names: Sequence[str]) -> pd.DataFrame:
+def _session_table(info: SessionInfo | None, columns: Columns, makers: Mapping[str, Build]) -> pd.DataFrame:
     prefix = attempt_id("" if info is None else info.ulid, 0)[: -len("000000")]
     ids = [f"{prefix}{number:06d}" for number in columns["number"].tolist()]
-    values = {name: _TABLE[name](info, columns) for name in names}
+    values = {name: build(info, columns) for name, build in makers.items()}
     return pd.DataFrame(values, index=pd.Index(ids, name="attempt", dtype="str"))
 
 
@@ -120,11 +124,23 @@ def _digest(info: SessionInfo | None, columns: Columns) -> Any:
     return _text([text[start : start + width] for start in range(0, len(text), width)])
 
 
+def _condition(name: str) -> Build:
+    """A condition that was varied; NaN in sessions that did not vary it."""
+
+    def build(info: SessionInfo | None, columns: Columns) -> Any:
+        names = () if info is None else info.header.station.conditions
+        if name not in names:
+            return np.full(len(columns["number"]), np.nan)
+        return columns["conditions"][:, names.index(name)]
+
+    return build
+
+
 def _part(name: str, at: int) -> Build:
     return lambda info, columns: columns[name][:, at]
 
 
-_TABLE: dict[str, Build] = {
+TABLE: dict[str, Build] = {
     "session": lambda info, columns: _repeated("" if info is None else info.ulid, columns),
     "number": lambda info, columns: columns["number"],
     "source": lambda info, columns: _repeated("" if info is None else info.header.station.source, columns),
@@ -139,6 +155,7 @@ _TABLE: dict[str, Build] = {
     "pregrasp_x_m": _part("pregrasp_x_y_angle", 0),
     "pregrasp_y_m": _part("pregrasp_x_y_angle", 1),
     "pregrasp_angle_rad": _part("pregrasp_x_y_angle", 2),
+    "predicted_success": lambda info, columns: columns["predicted_success"],
     "width_before_m": _part("gripper_width_m", 0),
     "width_closed_m": _part("gripper_width_m", 1),
     "width_lifted_m": _part("gripper_width_m", 2),
@@ -153,4 +170,4 @@ _TABLE: dict[str, Build] = {
 
 
 def _no_columns() -> Columns:
-    return {column.name: np.empty((0, *column.shape(1)), dtype=column.dtype) for column in COLUMNS}
+    return {column.name: np.empty((0, *column.shape(Slots(1, 1))), dtype=column.dtype) for column in COLUMNS}

@@ -185,8 +185,7 @@ def _write(
 
 def _write_session(group: zarr.Group, source: SessionSource, on_attempt: Callable[[], None] | None) -> None:
     column_rows = packed_rows(source.attributes["status"], source.size)
-    header = source.header
-    create_arrays(group, header.station.camera.intrinsics, header.objects_per_scene, column_rows=column_rows)
+    create_arrays(group, source.header, column_rows=column_rows)
     attempts = _prepared(source)
     rows: list[Columns] = []
     stored = 0

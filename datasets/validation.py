@@ -22,6 +22,7 @@ from handsight.datasets.records import (
 )
 from handsight.datasets.rows import snapshot_of
 from handsight.datasets.schema import FAILURE_BYTES, VIEWS
+from handsight.datasets.table import TABLE
 from handsight.servoing.camera import Intrinsics
 
 _ROTATION_TOLERANCE = 1e-4
@@ -81,9 +82,17 @@ def _station_faults(station: StationCard) -> list[str]:
     offset = (camera.x_tool_camera_m, camera.y_tool_camera_m, camera.z_tool_camera_m)
     if not all(math.isfinite(value) for value in offset):
         faults.append(f"camera offset is {offset} m, expected finite")
-    if len(set(station.objects)) != len(station.objects):
-        twice = sorted({name for name in station.objects if station.objects.count(name) > 1})
-        faults.append(f"objects names {', '.join(twice)} more than once")
+    for kind in ("objects", "conditions"):
+        names = getattr(station, kind)
+        if len(set(names)) != len(names):
+            twice = sorted({name for name in names if names.count(name) > 1})
+            faults.append(f"{kind} names {', '.join(twice)} more than once")
+    strange = [name for name in station.conditions if not re.fullmatch(r"[a-z][a-z0-9_]*", name) or name in TABLE]
+    if strange:
+        faults.append(
+            f"conditions names {', '.join(map(repr, strange))}, expected words such as table_friction that are no "
+            "columns of the attempts table already"
+        )
     return faults
 
 
@@ -103,6 +112,9 @@ def _motion_faults(attempt: GraspAttempt) -> list[str]:
         value = getattr(attempt, name)
         if not math.isfinite(value) and (commanded or not math.isnan(value)):
             faults.append(f"{name} is {value}, expected finite (NaN only where the attempt ended before the pre-grasp)")
+    predicted = attempt.predicted_success
+    if not (math.isnan(predicted) or 0 <= predicted <= 1):
+        faults.append(f"predicted_success is {predicted}, expected 0 to 1, or NaN")
     if not math.isfinite(attempt.contact_force_n):
         faults.append(f"contact_force_n is {attempt.contact_force_n}, expected finite")
     pose = attempt.pose_base_tool_grasp
@@ -132,6 +144,7 @@ def _scene_faults(scene: SceneObjects | None, header: SessionHeader) -> list[str
         poses.append("scene.pose_base_object is not finite everywhere")
     if count > header.objects_per_scene:
         faults.append(f"scene has {count} objects, expected at most {header.objects_per_scene}")
+    faults += _condition_faults(scene.conditions, header.station.conditions)
     known = len(header.station.objects)
     strange = [int(index) for index in scene.catalogue_index if not 0 <= index < known]
     if strange:
@@ -139,6 +152,13 @@ def _scene_faults(scene: SceneObjects | None, header: SessionHeader) -> list[str
     if not 0 <= scene.target < count:
         faults.append(f"scene.target is {scene.target}, expected 0 to {count - 1}")
     return faults + poses
+
+
+def _condition_faults(values: object, names: tuple[str, ...]) -> list[str]:
+    faults = _array_faults("scene.conditions", values, np.float64, (len(names),))
+    if not faults and not np.all(np.isfinite(values)):  # type: ignore[call-overload]
+        faults.append("scene.conditions is not finite everywhere")
+    return faults
 
 
 def _outcome_faults(attempt: GraspAttempt, station: StationCard) -> list[str]:

@@ -29,7 +29,7 @@ from handsight.datasets.reader import GraspDataset
 from handsight.datasets.records import Snapshot
 from handsight.datasets.rows import Row, from_row
 from handsight.datasets.saved_views import VIEWS_GROUP
-from handsight.datasets.schema import COLUMNS, SESSIONS, VIEWS, View, attempt_id
+from handsight.datasets.schema import COLUMNS, SESSIONS, VIEWS, Slots, View, attempt_id
 from handsight.datasets.sessions import SessionInfo, attribute_damage
 
 _TASK_ROWS = 64
@@ -211,14 +211,14 @@ def _damage_beside(root: zarr.Group) -> Iterator[str]:
 def _session_faults(group: zarr.Group) -> list[str]:
     """Attributes that changed, and columns that are not laid out as the schema says: their bytes would be misread."""
     faults = attribute_damage(group.attrs.asdict())
-    width = array_at(group, "attempts/catalogue_index").shape[1]
+    slots = Slots(*(array_at(group, f"attempts/{name}").shape[1] for name in ("catalogue_index", "conditions")))
     for column in COLUMNS:
         array = array_at(group, f"attempts/{column.name}")
         found = (array.dtype, array.shape[1:], np.array(array.fill_value, array.dtype).tobytes())
         dtype = np.dtype(column.dtype)
-        if found != (dtype, column.shape(width), np.array(column.fill, dtype).tobytes()):
+        if found != (dtype, column.shape(slots), np.array(column.fill, dtype).tobytes()):
             faults.append(
                 f"column {column.name} has type {array.dtype}, rows of {array.shape[1:]}, fill value "
-                f"{array.fill_value}; expected {dtype}, {column.shape(width)}, {column.fill}"
+                f"{array.fill_value}; expected {dtype}, {column.shape(slots)}, {column.fill}"
             )
     return faults

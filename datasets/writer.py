@@ -178,7 +178,7 @@ class SessionWriter:
         """The session's group; created by the first commit, so that an aborted start leaves nothing behind."""
         if not self._stored:
             group = group_at(root, SESSIONS).create_group(self.session, attributes=new_session_attributes(self.header))
-            create_arrays(group, self.header.station.camera.intrinsics, self.header.objects_per_scene)
+            create_arrays(group, self.header)
             return group
         group = group_at(root, f"{SESSIONS}/{self.session}")
         found = array_at(group, "attempts/number").shape[0]

@@ -45,7 +45,7 @@ from handsight.datasets.interchange.bundle import (
 from handsight.datasets.reader import GraspDataset
 from handsight.datasets.records import GraspAttempt, SessionHeader, Snapshot
 from handsight.datasets.rows import from_row, snapshot_of
-from handsight.datasets.schema import COLUMNS, SESSIONS, VIEWS, View, attempt_id, object_slots
+from handsight.datasets.schema import COLUMNS, SESSIONS, VIEWS, View, attempt_id, slots_of
 from handsight.datasets.sources import SessionSource, checked_source, stored_sources
 
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
@@ -141,7 +141,7 @@ def _source(file: h5py.File, ulid: str, path: Path) -> SessionSource:
     attributes = json.loads(group["attributes"].asstr()[()])
     size = len(group["columns/number"])
     source = checked_source(ulid, attributes, size=size, attempts=lambda: iter(()))
-    slots = object_slots(source.header.objects_per_scene)
+    slots = slots_of(source.header)
     columns = {
         column.name: _array(group, f"columns/{column.name}", column.dtype, (size, *column.shape(slots)), path)
         for column in COLUMNS

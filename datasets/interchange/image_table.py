@@ -30,6 +30,7 @@ import csv
 import json
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -117,7 +118,8 @@ def open_bundle(path: Path) -> Iterator[Bundle]:
 
 def _station(path: Path) -> StationCard:
     try:
-        return station_from_json(json.loads(path.read_text()))
+        # The table has no columns for conditions that another station varied.
+        return replace(station_from_json(json.loads(path.read_text())), conditions=())
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise InterchangeError(
             f"{path} is no station card ({type(error).__name__}: {error}), expected the JSON object that "

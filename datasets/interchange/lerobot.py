@@ -47,7 +47,7 @@ from handsight.datasets.interchange.bundle import (
 from handsight.datasets.reader import GraspDataset
 from handsight.datasets.records import GraspAttempt, Outcome, Snapshot
 from handsight.datasets.rows import from_row, snapshot_of
-from handsight.datasets.schema import COLUMNS, SESSIONS, VIEWS, View, attempt_id, object_slots
+from handsight.datasets.schema import COLUMNS, SESSIONS, VIEWS, View, attempt_id, slots_of
 from handsight.datasets.sources import SessionSource, checked_source, stored_sources
 from handsight.servoing.planar import PlanarPose
 
@@ -253,7 +253,7 @@ def _source(path: Path, ulid: str) -> SessionSource:
         columns = {name: file[_flat_name(name)] for name in column_paths()}
     size = len(columns["attempts/number"])
     source = checked_source(ulid, card["attributes"], size=size, attempts=lambda: iter(()))
-    slots = object_slots(source.header.objects_per_scene)
+    slots = slots_of(source.header)
     for column in COLUMNS:
         found = columns[f"attempts/{column.name}"]
         if found.dtype != np.dtype(column.dtype) or found.shape != (size, *column.shape(slots)):

@@ -46,6 +46,7 @@ def make_station(*, width: int = 8, height: int = 6, **changes: Any) -> StationC
         "gripper_stroke_m": 0.085,
         "closed_width_m": CLOSED_WIDTH_M,
         "objects": OBJECTS,
+        "conditions": ("table_friction", "light_ambient"),
         "serials": {"camera": "D435-1"},
     }
     return StationCard(**{**values, **changes})
@@ -84,6 +85,7 @@ def make_attempt(header: SessionHeader, number: int, *, outcome: Outcome | None 
         scene=make_scene(header, rng) if rng.integers(5) else None,
         truth_held=bool(rng.integers(2)) if labelled else None,
         phase_s=rng.uniform(0, 5, len(PHASES)).astype(np.float32),
+        predicted_success=float(rng.random()) if number % 2 else float("nan"),
         started_ns=1_700_000_000_000_000_000 + int(rng.integers(10**15)),
         elapsed_ns=int(rng.integers(10**10)),
     )
@@ -113,6 +115,7 @@ def make_scene(header: SessionHeader, rng: np.random.Generator) -> SceneObjects:
         catalogue_index=rng.integers(0, len(header.station.objects), count).astype(np.int16),
         pose_base_object=rng.normal(size=(count, 7)),
         target=int(rng.integers(count)),
+        conditions=rng.normal(size=len(header.station.conditions)),
     )
 
 

@@ -35,7 +35,8 @@ NOT_CONTENT = {"number", "started_ns", "elapsed_ns"}
 def full_attempt() -> GraspAttempt:
     """One that has everything: both pictures, a scene, truth."""
     attempt = make_attempt(HEADER, 0, outcome=Outcome.HELD)
-    return replace(attempt, scene=make_scene(HEADER, np.random.default_rng(3)), truth_held=True)
+    scene = make_scene(HEADER, np.random.default_rng(3))
+    return replace(attempt, scene=scene, truth_held=True, predicted_success=0.25)
 
 
 def leaves(record: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]:
@@ -67,6 +68,8 @@ def changed(record: Any, path: tuple[str, ...], at: int) -> Any:
         return float(np.nextafter(record, np.inf))
     if isinstance(record, int):
         return record + 1
+    if isinstance(record, tuple):
+        return (record[0] + "x", *record[1:])
     if isinstance(record, dict):
         return {**record, "robot": "UR10-1"}
     return record + "x"
@@ -195,7 +198,7 @@ GOLDEN_CAMERA = HandCamera(
 
 def test_the_digest_is_the_one_existing_datasets_have(repository: GraspRepository) -> None:
     """Changing these figures changes the identity of every dataset there is."""
-    header = make_header(camera=GOLDEN_CAMERA)
+    header = make_header(camera=GOLDEN_CAMERA, conditions=())
     unlabelled = replace(
         golden_attempt(),
         number=1,

@@ -30,6 +30,7 @@ from handsight.datasets import (
     engine,
 )
 from handsight.datasets.rows import snapshot_of
+from handsight.datasets.schema import attempt_id
 
 HEADER = make_header()
 
@@ -38,13 +39,18 @@ HEADER = make_header()
 @given(
     seed=st.integers(0, 2**63 - 1),
     slots=st.integers(1, 5),
+    conditions=st.sampled_from([(), ("table_friction",), ("a", "b", "c")]),
     width=st.integers(1, 40),
     height=st.integers(1, 30),
     every=st.integers(1, 5),
     scale=st.floats(1e-6, 1e-2),
 )
-def test_every_field_comes_back(seed: int, slots: int, width: int, height: int, every: int, scale: float) -> None:
-    header = make_header(seed=seed, objects_per_scene=slots, width=width, height=height, depth_scale_m=scale)
+def test_every_field_comes_back(
+    seed: int, slots: int, conditions: tuple[str, ...], width: int, height: int, every: int, scale: float
+) -> None:
+    header = make_header(
+        seed=seed, objects_per_scene=slots, conditions=conditions, width=width, height=height, depth_scale_m=scale
+    )
     attempts = [make_attempt(header, number) for number in range(7)]
     with tempfile.TemporaryDirectory() as folder:
         writer = record(GraspRepository.create(Path(folder) / "grasps"), header, attempts, every=every)
@@ -62,6 +68,22 @@ def dataset(repository: GraspRepository) -> GraspDataset:
         header = make_header(seed=seed)
         record(repository, header, [make_attempt(header, number) for number in range(size)], every=5)
     return GraspDataset.open(str(repository.path))
+
+
+def test_conditions_are_columns_of_the_table(repository: GraspRepository) -> None:
+    """Sessions may vary different things; what a session did not vary is missing there."""
+    values = {}
+    for seed, names in enumerate([("table_friction",), ("light_ambient", "table_friction"), ()]):
+        header = make_header(seed=seed, conditions=names)
+        attempts = [make_attempt(header, number) for number in range(6)]
+        session = record(repository, header, attempts).session
+        for attempt in attempts:
+            for name, value in zip(names, attempt.scene.conditions if attempt.scene else (), strict=False):
+                values[attempt_id(session, attempt.number), name] = value
+    dataset = GraspDataset.open(str(repository.path))
+    table = dataset.attempts[["light_ambient", "table_friction"]]
+    assert table.stack().dropna().to_dict() == values
+    assert dataset.table("table_friction").equals(table[["table_friction"]])
 
 
 def test_the_table_tells_what_the_attempts_tell(dataset: GraspDataset) -> None:
@@ -104,7 +126,8 @@ def test_the_table_tells_what_the_attempts_tell(dataset: GraspDataset) -> None:
 def test_an_empty_dataset_has_the_same_columns(dataset: GraspDataset, tmp_path: Path) -> None:
     GraspRepository.create(tmp_path / "empty")
     empty = GraspDataset.open(f"{tmp_path}/empty").attempts
-    pd.testing.assert_series_equal(empty.dtypes, dataset.attempts.dtypes)
+    recorded = dataset.attempts.drop(columns=list(dataset.sessions[0].header.station.conditions))
+    pd.testing.assert_series_equal(empty.dtypes, recorded.dtypes)
     assert len(empty) == 0
     assert empty.index.dtype == dataset.attempts.index.dtype
 
@@ -200,7 +223,7 @@ def test_a_session_tells_who_recorded_it(dataset: GraspDataset) -> None:
 def test_every_array_ends_its_codecs_with_a_checksum(dataset: GraspDataset) -> None:
     root = dataset.repository.root(dataset.snapshot_id)
     arrays = [node for _, node in root.members(max_depth=None) if isinstance(node, zarr.Array)]
-    assert len(arrays) == 2 * 22
+    assert len(arrays) == 2 * 24
     for array in arrays:
         assert isinstance(array.compressors[-1], Crc32cCodec)
 

@@ -23,6 +23,7 @@ from handsight.datasets import (
     SessionWriter,
     engine,
 )
+from handsight.datasets.schema import SCHEMA_VERSION
 
 
 def test_a_new_dataset_is_empty_and_leaves_nothing_beside_it(tmp_path: Path) -> None:
@@ -31,7 +32,7 @@ def test_a_new_dataset_is_empty_and_leaves_nothing_beside_it(tmp_path: Path) -> 
     assert repository.branches().keys() == {"main"}
     assert repository.releases() == {}
     info = GraspDataset.open(str(repository.path)).info()
-    assert (info.attempts, info.sessions, info.ref, info.schema_version) == (0, 0, "main", 1)
+    assert (info.attempts, info.sessions, info.ref, info.schema_version) == (0, 0, "main", SCHEMA_VERSION)
 
 
 def test_create_takes_an_empty_folder_and_refuses_any_other(tmp_path: Path) -> None:
@@ -73,9 +74,10 @@ def test_a_foreign_icechunk_store_is_no_dataset(tmp_path: Path, rooted: bool) ->
 
 def test_a_newer_schema_is_refused(repository: GraspRepository) -> None:
     session = repository.writable("main")
-    zarr.open_group(session.store, mode="r+").update_attributes({"schema_version": 2})
+    zarr.open_group(session.store, mode="r+").update_attributes({"schema_version": SCHEMA_VERSION + 1})
     repository.commit(session, branch="main", message="from the future")
-    with pytest.raises(SchemaError, match="schema version 2, this handsight reads up to 1"):
+    newer = f"schema version {SCHEMA_VERSION + 1}, this handsight reads up to {SCHEMA_VERSION}"
+    with pytest.raises(SchemaError, match=newer):
         GraspRepository.open(repository.path)
 
 

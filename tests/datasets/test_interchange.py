@@ -256,7 +256,7 @@ def _flip_chunk(path: Path) -> None:
 
 
 def _newer(path: Path) -> None:
-    zarr.open_group(str(path), mode="r+").update_attributes({"handsight": {"schema_version": 2}})
+    zarr.open_group(str(path), mode="r+").update_attributes({"handsight": {"schema_version": 99}})
 
 
 def _foreign(path: Path) -> None:
@@ -267,7 +267,7 @@ def _foreign(path: Path) -> None:
 BAD_ZARR: dict[str, tuple[Callable[[Path], object], str]] = {
     "link": (_link_out, "holds a link at"),
     "bit": (_flip_chunk, "is damaged in row"),
-    "newer": (_newer, "schema version 2"),
+    "newer": (_newer, "schema version 99"),
     "foreign": (_foreign, "schema version None"),
     "root": (lambda path: (path / "zarr.json").write_text("{"), "no readable group"),
     "missing array": (

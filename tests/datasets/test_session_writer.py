@@ -33,7 +33,9 @@ from handsight.datasets import (
 HEADER = make_header()
 HELD = make_attempt(HEADER, 0, outcome=Outcome.HELD)
 ABORTED = make_attempt(HEADER, 0, outcome=Outcome.ABORTED)
-SCENE = SceneObjects(catalogue_index=np.array([0, 4], np.int16), pose_base_object=np.zeros((2, 7)), target=1)
+SCENE = SceneObjects(
+    catalogue_index=np.array([0, 4], np.int16), pose_base_object=np.zeros((2, 7)), target=1, conditions=np.ones(2)
+)
 
 
 def overhead(**changes: Any) -> GraspAttempt:
