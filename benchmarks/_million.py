@@ -11,7 +11,7 @@ from ulid import ULID
 
 from handsight.datasets import GraspRepository, Outcome, SessionHeader, StationCard
 from handsight.datasets.engine import append_rows, array_at, group_at
-from handsight.datasets.schema import COLUMNS, PACKED_CHUNK_ROWS, SESSIONS, VIEWS, create_arrays
+from handsight.datasets.schema import COLUMNS, PACKED_CHUNK_ROWS, SESSIONS, VIEWS, Slots, create_arrays
 from handsight.datasets.sessions import new_session_attributes, sealed_attributes
 from handsight.servoing.camera import HandCamera, Intrinsics
 
@@ -52,7 +52,7 @@ def write_million(path: Path, *, sessions: int = 20, attempts: int = 50_000) -> 
         root = zarr.open_group(change.store, mode="r+")
         attributes = new_session_attributes(header) | sealed_attributes()
         group = group_at(root, SESSIONS).create_group(str(ULID()), attributes=attributes)
-        create_arrays(group, header.station.camera.intrinsics, header.objects_per_scene, column_rows=PACKED_CHUNK_ROWS)
+        create_arrays(group, header, column_rows=PACKED_CHUNK_ROWS)
         for name, values in _columns(attempts, rng).items():
             append_rows(array_at(group, f"attempts/{name}"), values)
         for view in VIEWS:
@@ -67,8 +67,9 @@ def write_million(path: Path, *, sessions: int = 20, attempts: int = 50_000) -> 
 
 def _columns(size: int, rng: np.random.Generator) -> dict[str, NDArray[np.generic]]:
     outcome = (rng.random(size) < 0.2).astype(np.uint8) * np.uint8(Outcome.HELD)
+    slots = Slots(objects=_SLOTS, conditions=1)
     values: dict[str, NDArray[np.generic]] = {
-        column.name: np.full((size, *column.shape(_SLOTS)), column.fill, dtype=column.dtype) for column in COLUMNS
+        column.name: np.full((size, *column.shape(slots)), column.fill, dtype=column.dtype) for column in COLUMNS
     }
     return values | {
         "number": np.arange(size),

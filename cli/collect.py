@@ -2,19 +2,27 @@
 
 from __future__ import annotations
 
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
-from handsight.cli.options import DatasetPath, Json, Objects, Seed, Workers
+from handsight.cli.failures import CommandError
+from handsight.cli.options import DatasetPath, Json, Objects, PerScene, Seed, Workers
 from handsight.cli.output import console, errors, print_json, progress_bar
-from handsight.cli.stations import sim_station
+from handsight.cli.policies import policy_named
+from handsight.cli.renderers import Renderer, with_renderer
+from handsight.cli.scene_pictures import picture_command
+from handsight.cli.stations import sim_station, varieties
 from handsight.collection.collector import CollectReport, CollectSettings, SeededStationFactory, collect
+from handsight.collection.engine import LOCAL, Engine
+from handsight.collection.ray_engine import ray_engine
 from handsight.datasets import GraspRepository
 from handsight.datasets.records import GraspAttempt
 
 collect_app = typer.Typer(help="Collect grasp attempts into a dataset.", no_args_is_help=True)
+collect_app.command("picture")(picture_command)
 
 DEFAULT_OBJECTS = "household-train"
 
@@ -26,19 +34,63 @@ def collect_sim(
     seed: Seed = 0,
     workers: Workers = 2,
     objects: Objects = DEFAULT_OBJECTS,
+    per_scene: PerScene = None,
+    vary: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="KIND",
+            help="What differs between scenes beside the objects: table, light, colour, friction, depth-noise, or all; "
+            "may be given several times.",
+        ),
+    ] = None,
+    policy: Annotated[
+        Literal["uniform", "servo"], typer.Option(help="Who chooses where to grasp: chance, or a trained network.")
+    ] = "uniform",
+    model: Annotated[Path | None, typer.Option(metavar="RUN", help="Network of the servo policy.")] = None,
+    method: Annotated[str | None, typer.Option(help="Servo method of the servo policy. [default: cem-1]")] = None,
+    random_share: Annotated[
+        float | None, typer.Option(help="Share of attempts that the servo policy leaves to chance. [default: 0.3]")
+    ] = None,
+    threshold: Annotated[
+        float | None, typer.Option(help="Predicted success at which the servo policy grasps. [default: 0.95]")
+    ] = None,
     shakes: Annotated[int, typer.Option(help="Shakes after the lift; section III-B has three.")] = 0,
     pregrasp_picture: Annotated[
         bool, typer.Option("--pregrasp-picture", help="Also record a picture at the pre-grasp pose.")
     ] = False,
+    renderer: Renderer = "tiny",
     resume: Annotated[bool, typer.Option("--resume", help="Go on with an interrupted session.")] = False,
+    engine: Annotated[
+        Literal["local", "ray"], typer.Option(help="Where the workers run: on this machine, or on a Ray cluster.")
+    ] = "local",
+    ray_address: Annotated[
+        str | None,
+        typer.Option(
+            metavar="HOST:PORT",
+            help="Head of the Ray cluster. [default: $RAY_ADDRESS, or a cluster of this machine alone]",
+        ),
+    ] = None,
     as_json: Json = False,
 ) -> None:
-    """Collect random grasps in simulation (section V-B); creates a missing dataset.
+    """Collect grasps in simulation, random ones (section V-B) or a network's own; creates a missing dataset.
 
-    The same seed gives the same attempts, whatever the number of workers and however often it was interrupted.
+    The same seed gives the same attempts, whatever the engine, the number of workers and the interruptions.
     """
-    settings = CollectSettings(attempts=attempts, seed=seed, workers=workers, pregrasp_picture=pregrasp_picture)
-    report = collect_with_progress(dataset, sim_station(objects, shakes=shakes), settings, resume=resume)
+    settings = CollectSettings(
+        attempts=attempts,
+        seed=seed,
+        workers=workers,
+        policy=policy_named(policy, model=model, method=method, random_share=random_share, threshold=threshold),
+        pregrasp_picture=pregrasp_picture,
+    )
+    factory = with_renderer(
+        sim_station(objects, shakes=shakes, per_scene=per_scene, vary=varieties(vary)),
+        renderer,
+        dataset=dataset,
+        seed=seed,
+    )
+    with _engine(engine, ray_address, workers) as started:
+        report = collect_with_progress(dataset, factory, settings, resume=resume, engine=started)
     if as_json:
         print_json(report)
     else:
@@ -49,8 +101,22 @@ def collect_sim(
         )
 
 
+def _engine(name: str, ray_address: str | None, workers: int) -> AbstractContextManager[Engine]:
+    """The engine, reached before anything is written."""
+    if name == "ray":
+        return ray_engine(ray_address, workers=workers)
+    if ray_address is not None:
+        raise CommandError(f"--ray-address {ray_address} goes with --engine ray, and the engine is {name}")
+    return nullcontext(LOCAL)
+
+
 def collect_with_progress(
-    dataset: str | Path, factory: SeededStationFactory, settings: CollectSettings, *, resume: bool
+    dataset: str | Path,
+    factory: SeededStationFactory,
+    settings: CollectSettings,
+    *,
+    resume: bool,
+    engine: Engine = LOCAL,
 ) -> CollectReport:
     """Collect behind a progress bar; Ctrl-C keeps what is finished and says how to go on."""
     repository = GraspRepository.open_or_create(dataset)
@@ -64,7 +130,7 @@ def collect_with_progress(
             bar.reached(held, f"{successes / done:.0%} successful")
 
         try:
-            return collect(repository, factory, settings, resume=resume, on_attempt=show)
+            return collect(repository, factory, settings, resume=resume, engine=engine, on_attempt=show)
         except KeyboardInterrupt:
             errors.print(
                 "interrupted: every finished attempt is committed; run it again to go on (collect: with --resume)"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import getpass
 import re
 from datetime import UTC, datetime, timedelta
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -17,6 +18,10 @@ from handsight.datasets.repair import ResimulateAttempt
 from handsight.datasets.schema import VIEWS
 from handsight.datasets.stats import Share, label_stats
 
+ServoModel = Annotated[
+    Path | None,
+    typer.Option("--model", metavar="RUN", help="Run that chose the grasps of sessions with the servo policy."),
+]
 DryRun = Annotated[bool, typer.Option("--dry-run", help="Say what would be done, and do nothing.")]
 _AGE = re.compile(r"(\d+)([smhdw])")
 _UNITS = {"s": "seconds", "m": "minutes", "h": "hours", "d": "days", "w": "weeks"}
@@ -56,8 +61,9 @@ def doctor_command(
     dataset: Dataset,
     deep: Annotated[bool, typer.Option("--deep", help="Look at every picture too.")] = False,
     resimulate: Annotated[
-        int, typer.Option("--resimulate", metavar="K", min=0, help="Simulate K attempts again and compare.")
+        int, typer.Option("--resimulate", metavar="K", min=0, help="Simulate K attempts again and compare every bit.")
     ] = 0,
+    model: ServoModel = None,
     seed: Seed = 0,
     as_json: Json = False,
 ) -> None:
@@ -68,7 +74,7 @@ def doctor_command(
         found = doctor(
             opened,
             deep=deep,
-            resimulate=_simulator() if resimulate else None,
+            resimulate=_simulator(model) if resimulate else None,
             resimulated=resimulate,
             seed=seed,
             on_picture=bar.advance,
@@ -115,6 +121,7 @@ def repair_command(
     resimulate: Annotated[
         bool, typer.Option("--resimulate", help="Bring damaged attempts back by simulating them again.")
     ] = False,
+    model: ServoModel = None,
     author: Annotated[str, typer.Option("--author", envvar="HANDSIGHT_AUTHOR", help="Who repairs.")] = "",
     as_json: Json = False,
 ) -> None:
@@ -129,7 +136,7 @@ def repair_command(
         report,
         branch=branch,
         author=author or getpass.getuser(),
-        resimulate=_simulator() if resimulate else None,
+        resimulate=_simulator(model) if resimulate else None,
     )
     if as_json:
         print_json(done)
@@ -197,11 +204,11 @@ def _share_row(share: Share) -> tuple[str, str, str]:
     return share.name, str(share.attempts), f"{share.rate:.1%}" if share.attempts else "-"
 
 
-def _simulator() -> ResimulateAttempt:
+def _simulator(model: Path | None) -> ResimulateAttempt:
     """Imported here: PyBullet takes a while, and only two commands may need it."""
     from handsight.cli.resimulate import Resimulator
 
-    return Resimulator()
+    return Resimulator(model)
 
 
 def _moment(text: str) -> datetime:

@@ -18,6 +18,7 @@ from handsight.datasets import (
     create_branch,
     delete_branch,
     diff_versions,
+    migrate,
     revert,
 )
 
@@ -30,6 +31,7 @@ def register(app: typer.Typer) -> None:
     app.command("diff")(diff)
     app.command("branch")(branch)
     app.command("revert")(revert_command)
+    app.command("migrate")(migrate_command)
 
 
 def diff(
@@ -126,3 +128,22 @@ def _print_diff(found: VersionDiff) -> None:
 def _share(balance: Balance) -> str:
     share = f" ({balance.successes / balance.labelled:.1%})" if balance.labelled else ""
     return f"{balance.successes} of {balance.labelled}{share}"
+
+
+def migrate_command(
+    dataset: Dataset,
+    branch: Annotated[str, typer.Option("--branch", help="Name of the branch to make; the version itself stays.")],
+    as_json: Json = False,
+) -> None:
+    """Bring a version of an older schema forward, on a new branch; every attempt keeps its id and digest."""
+    address = DatasetAddress.parse(dataset)
+    done = migrate(GraspRepository.open(address.path), branch, ref=address.ref)
+    if as_json:
+        print_json(done)
+    elif done is None:
+        console.print(f"{dataset} has the newest schema already: no branch was made")
+    else:
+        console.print(
+            f"branch [bold]{done.branch}[/] ({done.snapshot}): {done.sessions} sessions brought from schema "
+            f"{done.schema_before} to {done.schema_after}"
+        )

@@ -2,14 +2,24 @@
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+from rich.markup import escape
 
 from handsight.cli.options import Json
-from handsight.cli.output import console, print_json, print_table, progress_bar
+from handsight.cli.output import console, errors, print_json, print_table, progress_bar
+from handsight.collection.errors import MeshImportError
 from handsight.collection.sim.objects import list_object_sets
+
+if TYPE_CHECKING:
+    # Trimesh and CoACD are slow to import, and listing sets needs neither.
+    from handsight.collection.sim.objects.meshes.importer import ImportReport
+    from handsight.collection.sim.objects.meshes.plan import ImportPlan, SkippedMesh
 
 objects_app = typer.Typer(help="Object sets of the simulated station.", no_args_is_help=True)
 
@@ -33,20 +43,78 @@ def import_meshes(
     pattern: Annotated[str, typer.Option(help="Which files below the folder are read.")] = "**/*",
     licence: Annotated[str, typer.Option(help="Terms under which the meshes are used.")] = "unknown",
     density: Annotated[float, typer.Option(help="Mass per enclosed volume [kg/m3].")] = 400.0,
+    plain: Annotated[bool, typer.Option("--plain", help="Leave materials, textures and colours unread.")] = False,
     skip_bad: Annotated[bool, typer.Option("--skip-bad", help="Leave bad meshes out instead of refusing all.")] = False,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Check and list the meshes, and write nothing.")] = False,
     as_json: Json = False,
 ) -> None:
     """Check meshes, cut them into convex parts, and keep them as an object set."""
-    # Trimesh and CoACD are slow to import, and listing sets needs neither.
-    from handsight.collection.sim.objects.meshes.importer import ImportSettings, import_folder
+    from handsight.collection.sim.objects.meshes.importer import carry_out
+    from handsight.collection.sim.objects.meshes.plan import ImportSettings, plan_import
 
-    settings = ImportSettings(scale=scale, density_kg_m3=density, licence=licence, pattern=pattern)
-    with progress_bar("import", 0) as bar:
-        report = import_folder(folder, name, settings=settings, skip_bad=skip_bad, progress=bar.of)
+    settings = ImportSettings(scale=scale, density_kg_m3=density, licence=licence, pattern=pattern, plain=plain)
+    with _own_endings():
+        with progress_bar("check", 0) as bar:
+            plan = plan_import(folder, name, settings=settings, skip_bad=skip_bad, progress=bar.of)
+        if dry_run:
+            _show_plan(plan, as_json=as_json)
+            return
+        with progress_bar("import", 0) as bar:
+            report = carry_out(plan, progress=bar.of)
+    _show_report(report, as_json=as_json)
+
+
+@contextmanager
+def _own_endings() -> Iterator[None]:
+    """A refusal keeps its lines, one for each bad mesh; Ctrl-C says what is left behind."""
+    try:
+        yield
+    except MeshImportError as error:
+        sys.stderr.write(f"error: {error}\n")
+        raise typer.Exit(2) from None
+    except KeyboardInterrupt:
+        errors.print("interrupted: nothing was imported")
+        raise typer.Exit(130) from None
+
+
+def _show_plan(plan: ImportPlan, *, as_json: bool) -> None:
+    from handsight.collection.sim.objects.meshes.fault import shown
+
+    if as_json:
+        print_json(plan)
+        return
+    _show_skipped(plan.source, plan.skipped)
+    rows = [
+        (
+            item.name,
+            " x ".join(f"{extent_m * 1000:.0f}" for extent_m in item.size_m),
+            f"{item.mass_kg * 1000:.0f}",
+            str(item.triangles),
+            "texture" if item.textured else "colour",
+            shown(item.source),
+        )
+        for item in plan.objects
+    ]
+    print_table(("object", "size [mm]", "mass [g]", "triangles", "looks", "file"), rows)
+    what = "was imported before, nothing would change" if plan.reused else "would be made"
+    console.print(
+        f"object set [bold]{plan.name}[/] with {len(plan.objects)} objects {what} ({escape(str(plan.folder))})"
+    )
+
+
+def _show_report(report: ImportReport, *, as_json: bool) -> None:
     if as_json:
         print_json(report)
         return
-    for skipped in report.skipped:
-        console.print(f"left out {skipped.path}: {skipped.reason}")
-    what = "was imported before, nothing has changed" if report.reused else "is ready"
-    console.print(f"object set [bold]{report.name}[/] with {len(report.objects)} objects {what} ({report.folder})")
+    _show_skipped(report.source, report.skipped)
+    _show_set(report, "was imported before, nothing has changed" if report.reused else "is ready")
+
+
+def _show_set(made: ImportPlan | ImportReport, what: str) -> None:
+    folder = escape(str(made.folder))
+    console.print(f"object set [bold]{made.name}[/] with {len(made.objects)} objects {what} ({folder})")
+
+
+def _show_skipped(folder: Path, skipped: Sequence[SkippedMesh]) -> None:
+    for item in skipped:
+        console.print(f"left out {item.line(folder)}", markup=False)

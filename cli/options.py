@@ -14,3 +14,7 @@ Model = Annotated[Path, typer.Option("--model", metavar="RUN", help="Folder of a
 Seed = Annotated[int, typer.Option("--seed", help="Everything random follows from it.")]
 Workers = Annotated[int, typer.Option("--workers", "-w", help="Processes, each with a station of its own.")]
 Objects = Annotated[str, typer.Option("--objects", metavar="SET", help="Object set; see 'handsight objects ls'.")]
+PerScene = Annotated[
+    int | None,
+    typer.Option("--objects-per-scene", help="Objects in a scene. [default: 5; 10 for the clutter sets]"),
+]

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
+from handsight.cli.policies import recorded_policy
 from handsight.collection.attempt import attempt_seed, run_attempt
-from handsight.collection.policy import UniformPolicy
 from handsight.collection.sim.config import SimConfig
 from handsight.collection.sim.station import SimStation
 from handsight.collection.station import Workspace
@@ -15,23 +16,37 @@ from handsight.servoing.camera import HandCamera, Intrinsics
 
 
 class Resimulator:
-    """Answers for simulated sessions with the uniform policy; keeps one station for each configuration."""
+    """Answers for simulated sessions; keeps one station for each configuration."""
 
-    def __init__(self) -> None:
+    def __init__(self, model: Path | None = None) -> None:
+        """Prepare to simulate.
+
+        Args:
+            model: The run whose network chose the grasps, for sessions of the servo policy.
+        """
         self._stations: dict[str, SimStation] = {}
+        self._model = model
 
     def __call__(self, header: SessionHeader, number: int) -> GraspAttempt | None:
-        """Attempt ``number`` of such a session; None for sessions that were not simulated, or by another policy."""
-        policy = dict(header.config.get("policy", {}))
-        if header.station.source != "sim" or header.seed is None or policy.pop("name", "") != UniformPolicy.__name__:
+        """Attempt ``number`` of a session; None for one that was not simulated, or by a network that is not at hand."""
+        if header.station.source != "sim" or header.seed is None:
+            return None
+        policy = recorded_policy(header.config.get("policy", {}), self._model)
+        if policy is None:
             return None
         return run_attempt(
             self._station(header.config["station"]),
-            UniformPolicy(**policy),
+            policy,
             number,
             attempt_seed(header.seed, number),
             pregrasp_picture=header.config["pregrasp_picture"],
         )
+
+    def close(self) -> None:
+        """Stop the stations."""
+        for station in self._stations.values():
+            station.close()
+        self._stations.clear()
 
     def _station(self, settings: dict[str, Any]) -> SimStation:
         key = canonical_json(settings)
@@ -43,5 +58,9 @@ class Resimulator:
 def _config(settings: dict[str, Any]) -> SimConfig:
     camera = dict(settings["camera"])
     intrinsics = Intrinsics(**camera.pop("intrinsics"))
-    parts = {"camera": HandCamera(intrinsics=intrinsics, **camera), "workspace": Workspace(**settings["workspace"])}
+    parts = {
+        "camera": HandCamera(intrinsics=intrinsics, **camera),
+        "workspace": Workspace(**settings["workspace"]),
+        "vary": tuple(settings.get("vary", ())),
+    }
     return SimConfig(**{**settings, **parts})

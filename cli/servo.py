@@ -5,12 +5,15 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Literal
 
+import numpy as np
 import typer
+from numpy.typing import NDArray
 
 from handsight.cli.evaluate import NOVEL_OBJECTS
 from handsight.cli.failures import CommandError
 from handsight.cli.options import Model, Objects
 from handsight.cli.output import console, progress_bar
+from handsight.cli.scene_pictures import servo_pictures
 from handsight.cli.stations import sim_station
 from handsight.evaluation.evaluate import BenchFactory, record_trial
 from handsight.evaluation.methods import SERVO_METHODS, check_methods
@@ -30,16 +33,21 @@ def servo_command(
     station: Annotated[Literal["sim"], typer.Option(help="Where to servo.")] = "sim",
     threshold: Annotated[float, typer.Option(help="Predicted success at which the grasp is executed.")] = 0.95,
     seed: Annotated[int, typer.Option(help="Scene and starting pose follow from seed and trial.")] = 1_000_000,
+    scene_camera: Annotated[
+        bool, typer.Option("--scene-camera", help="Also record the whole station from outside at every step.")
+    ] = False,
 ) -> None:
     """Servo once from a random pose, grasp, and record every step."""
     check_methods([method])
     if method not in SERVO_METHODS:
         raise CommandError(f"method is {method!r}, which does not servo, expected one of: {', '.join(SERVO_METHODS)}")
-    factory = BenchFactory(open_station=sim_station(objects), run=model)
+    simulated = sim_station(objects)
+    factory = BenchFactory(open_station=simulated, run=model)
     recording = record_trial(factory, method, trial, seed=seed, servo=ServoSettings(threshold=threshold))
     if recording is None:
         raise CommandError(f"trial {trial} of seed {seed} failed before servoing began: choose another trial")
-    write_trace(out, recording, model)
+    outside = servo_pictures(simulated.config, recording) if scene_camera else None
+    write_trace(out, recording, model, outside)
     result = "held" if recording.trial.success else "missed"
     console.print(
         f"[bold]{out}[/]: {method}, {recording.trace.moves} moves, predicted success "
@@ -47,8 +55,10 @@ def servo_command(
     )
 
 
-def write_trace(out: Path, recording: TrialRecording, model: Path) -> None:
-    """Write the recording, with a heatmap for every step."""
+def write_trace(
+    out: Path, recording: TrialRecording, model: Path, outside: list[NDArray[np.uint8]] | None = None
+) -> None:
+    """Write the recording, with a heatmap for every step, and a picture from outside where there are any."""
     run = load_run(model)
     scorer = run.scorer()
     heatmaps: list[Heatmap] = []
@@ -56,4 +66,4 @@ def write_trace(out: Path, recording: TrialRecording, model: Path) -> None:
         for step in recording.trace.steps:
             heatmaps.append(grasp_heatmap(step.view, scorer, grid=run.grid))
             bar.advance()
-    write_servo_trace(out, recording, heatmaps)
+    write_servo_trace(out, recording, heatmaps, outside)

@@ -53,6 +53,7 @@ class AttemptProgress:
     pose: PlanarPose = field(
         default_factory=lambda: PlanarPose(x_m=NOT_MEASURED, y_m=NOT_MEASURED, angle_rad=NOT_MEASURED)
     )
+    predicted_success: float = NOT_MEASURED
     pose_base_tool_grasp: NDArray[np.float64] = field(default_factory=lambda: np.full((4, 4), np.nan))
     contact_force_n: float = 0.0
     before_m: float = NOT_MEASURED
@@ -100,7 +101,8 @@ def begin_attempt(progress: AttemptProgress, policy: PregraspPolicy, streams: At
     progress.book("settle")
     progress.overhead = station.look()
     progress.book("look")
-    progress.pose = policy.choose(station, progress.scene, streams.policy)
+    chosen = policy.choose(station, progress.scene, streams.policy)
+    progress.pose, progress.predicted_success = chosen.pose, chosen.predicted_success
     station.reach(progress.pose)
     progress.book("reach")
 
@@ -144,6 +146,7 @@ def _record(
         pregrasp_x_m=progress.pose.x_m,
         pregrasp_y_m=progress.pose.y_m,
         pregrasp_angle_rad=progress.pose.angle_rad,
+        predicted_success=progress.predicted_success,
         pose_base_tool_grasp=progress.pose_base_tool_grasp,
         contact_force_n=progress.contact_force_n,
         gripper=GripperReadings(

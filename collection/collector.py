@@ -6,18 +6,20 @@ cut off at any moment is a prefix of the whole one, and going on with it ends in
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Protocol
 
 from handsight.collection.attempt import attempt_seed, run_attempt
+from handsight.collection.engine import LOCAL, Engine
 from handsight.collection.errors import CollectionSettingsError, WorkerDiedError
-from handsight.collection.policy import UniformPolicy
+from handsight.collection.policy import PregraspPolicy, UniformPolicy
 from handsight.collection.station import Station
 from handsight.collection.workers import answers_in_order
 from handsight.datasets import GraspRepository, SessionHeader, SessionWriter
-from handsight.datasets.errors import SessionNotFoundError
+from handsight.datasets.errors import DatasetError, SessionNotFoundError
 from handsight.datasets.records import GraspAttempt, StationCard
 
 
@@ -49,7 +51,7 @@ class CollectSettings:
     workers: int = 2
     commit_every: int = 32
     """Attempts that an interruption can cost at most."""
-    policy: UniformPolicy = field(default_factory=UniformPolicy)
+    policy: PregraspPolicy = field(default_factory=UniformPolicy)
     pregrasp_picture: bool = False
     """Also take a picture at the pre-grasp pose. The paper trains on the overhead one alone (section III-B)."""
 
@@ -90,7 +92,7 @@ def session_header(factory: SeededStationFactory, settings: CollectSettings) -> 
         config={
             "station": factory.settings(),
             "pregrasp_picture": settings.pregrasp_picture,
-            "policy": {"name": type(settings.policy).__name__, **asdict(settings.policy)},
+            "policy": settings.policy.settings(),
         },
     )
 
@@ -101,6 +103,7 @@ def collect(
     settings: CollectSettings,
     *,
     resume: bool = False,
+    engine: Engine = LOCAL,
     on_attempt: Callable[[GraspAttempt, int], None] | None = None,
 ) -> CollectReport:
     """Collect a simulated session into ``repository``.
@@ -110,30 +113,29 @@ def collect(
         factory: The station.
         settings: How much.
         resume: Go on with the session of this seed and configuration where there is one.
+        engine: Where the workers run. The writer is always here.
         on_attempt: Called with every attempt once it is appended, and the number that the session then holds.
 
     Raises:
         SessionConflictError: The dataset already holds this session and ``resume`` is not set.
-        WorkerDiedError: A worker died; what was committed stays.
-        KeyboardInterrupt: Passed on after what was finished has been committed.
+        StorageError: The disk is full, for instance; the dataset is as the last commit left it.
+        WorkerDiedError: Workers died over the same attempt again and again; what was finished is committed.
+        KeyboardInterrupt: Passed on, like any other error of stations, after what was finished has been committed.
     """
     writer = _open_writer(repository, session_header(factory, settings), resume=resume)
     resumed_from = writer.next_number
     work = partial(_attempt, settings=settings)
     numbers = range(resumed_from, settings.attempts)
     successes = 0
-    try:
-        for attempt in answers_in_order(factory, work, numbers, workers=settings.workers):
+    answers = answers_in_order(factory, work, numbers, workers=settings.workers, engine=engine, noun="attempt")
+    with closing(answers), _finished_is_kept(writer):
+        for attempt in answers:
             writer.append(attempt)
             successes += attempt.labelled and bool(attempt.outcome)
             if on_attempt is not None:
                 on_attempt(attempt, writer.next_number)
             if writer.next_number % settings.commit_every == 0:
                 writer.commit()
-    except (KeyboardInterrupt, WorkerDiedError):
-        # Whole attempts are worth keeping: a resumed session goes on right behind them.
-        writer.commit()
-        raise
     if resumed_from < settings.attempts:
         writer.seal()
     return CollectReport(
@@ -149,6 +151,24 @@ def _open_writer(repository: GraspRepository, header: SessionHeader, *, resume: 
             # Cut off before its first commit, or never begun: both mean to begin.
             pass
     return SessionWriter.begin(repository, header)
+
+
+@contextmanager
+def _finished_is_kept(writer: SessionWriter) -> Iterator[None]:
+    """Commit what was appended before an error of anything but the dataset: a resumed session goes on behind it."""
+    try:
+        yield
+    except DatasetError:
+        raise
+    except WorkerDiedError as error:
+        writer.commit()
+        raise WorkerDiedError(
+            f"{error}; the {writer.next_number} attempts before it are committed: go on with --resume, perhaps with "
+            "fewer --workers"
+        ) from error
+    except BaseException:
+        writer.commit()
+        raise
 
 
 def _attempt(station: Station, number: int, *, settings: CollectSettings) -> GraspAttempt:

@@ -8,7 +8,9 @@ CollectionError
 ├── ObjectSetError (ValueError)          unknown object set, or one that cannot be used
 │   └── MeshImportError                  meshes that cannot become an object set, all of them named
 ├── StationSettingsError (ValueError)    settings that describe no usable station
-└── WorkerDiedError (RuntimeError)       a worker process ended without an answer
+│   └── RendererUnavailableError         the renderer asked for does not run on this machine
+├── EngineError (RuntimeError)           workers cannot be started where they were asked for
+└── WorkerDiedError (RuntimeError)       workers ended without an answer, again and again
 """
 
 from __future__ import annotations
@@ -51,5 +53,13 @@ class StationSettingsError(CollectionError, ValueError):
     """Settings that describe no usable station."""
 
 
+class RendererUnavailableError(StationSettingsError):
+    """The renderer asked for does not run on this machine."""
+
+
+class EngineError(CollectionError, RuntimeError):
+    """Workers cannot be started where they were asked for, or not as equals of the process that asks."""
+
+
 class WorkerDiedError(CollectionError, RuntimeError):
-    """A worker process ended without an answer."""
+    """Workers ended without an answer, again and again; one that does so once is replaced."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Protocol
 
 import numpy as np
@@ -13,11 +13,24 @@ from handsight.datasets.records import SceneObjects
 from handsight.servoing.planar import PlanarPose
 
 
-class PregraspPolicy(Protocol):
-    """Chooses the pre-grasp pose of an attempt."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pregrasp:
+    """Where an attempt grasps."""
 
-    def choose(self, station: Station, scene: SceneObjects | None, rng: np.random.Generator) -> PlanarPose:
-        """The pose to reach, in the base frame."""
+    pose: PlanarPose
+    """In the base frame."""
+    predicted_success: float = math.nan
+    """What the policy's network expects of it; NaN for a pose that no network chose."""
+
+
+class PregraspPolicy(Protocol):
+    """Chooses the pre-grasp pose of an attempt. Must survive pickling."""
+
+    def choose(self, station: Station, scene: SceneObjects | None, rng: np.random.Generator) -> Pregrasp:
+        """The pose to reach. The station may have been moved, but not below the pre-grasp height."""
+
+    def settings(self) -> dict[str, object]:
+        """What decides the choice beside the station and the random stream, as JSON values, ``name`` among them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,7 +42,11 @@ class UniformPolicy:
 
     half_range_m: float = 0.125
 
-    def choose(self, station: Station, scene: SceneObjects | None, rng: np.random.Generator) -> PlanarPose:
+    def settings(self) -> dict[str, object]:
+        """The range."""
+        return {"name": "uniform", **asdict(self)}
+
+    def choose(self, station: Station, scene: SceneObjects | None, rng: np.random.Generator) -> Pregrasp:
         """Draw a pose."""
         if scene is None:
             x_m, y_m = station.workspace.sample(rng)
@@ -38,4 +55,4 @@ class UniformPolicy:
             x_m, y_m = centre + rng.uniform(-self.half_range_m, self.half_range_m, size=2)
         # A jaw turned by half a turn is the same jaw, so half a turn covers every grasp.
         angle_rad = rng.uniform(-0.5 * math.pi, 0.5 * math.pi)
-        return PlanarPose(x_m=float(x_m), y_m=float(y_m), angle_rad=float(angle_rad))
+        return Pregrasp(pose=PlanarPose(x_m=float(x_m), y_m=float(y_m), angle_rad=float(angle_rad)))

@@ -52,6 +52,7 @@ from handsight.datasets.errors import (
 )
 from handsight.datasets.folds import Folds, make_folds, read_folds
 from handsight.datasets.info import DatasetInfo
+from handsight.datasets.migrate import Migration, migrate
 from handsight.datasets.reader import GraspDataset
 from handsight.datasets.records import (
     PHASES,
@@ -103,6 +104,7 @@ __all__ = [
     "LoaderStateError",
     "LogEntry",
     "MergeError",
+    "Migration",
     "NoTrainingDataError",
     "NotADatasetError",
     "Outcome",
@@ -135,6 +137,7 @@ __all__ = [
     "diff_versions",
     "expire",
     "make_folds",
+    "migrate",
     "read_folds",
     "repair",
     "revert",

@@ -64,3 +64,19 @@ def check_schema(path: Place, version: object) -> None:
         raise SchemaError(
             f"{path} has schema version {version}, this handsight reads up to {SCHEMA_VERSION}: upgrade handsight"
         )
+
+
+def check_current(path: Place, ref: str, version: object) -> None:
+    """Refuse a version of another schema than this handsight writes, older ones included.
+
+    Raises:
+        NotADatasetError: The store was not written by handsight.
+        SchemaError: It has another schema.
+    """
+    check_schema(path, version)
+    if version != SCHEMA_VERSION:
+        raise SchemaError(
+            f"{path}@{ref} has schema version {version}, and this handsight works with {SCHEMA_VERSION}: run "
+            f"'handsight dataset migrate {path}@{ref} --branch schema-{SCHEMA_VERSION}', then use "
+            f"{path}@schema-{SCHEMA_VERSION}; the old version stays as it is"
+        )

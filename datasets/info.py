@@ -46,5 +46,13 @@ def bytes_stored(repository: GraspRepository) -> int:
     for parent, folders, files in os.walk(folder):
         if Path(parent) == folder and SIDE_FOLDER in folders:
             folders.remove(SIDE_FOLDER)
-        total += sum((Path(parent) / name).stat().st_size for name in files)
+        total += sum(_size(Path(parent) / name) for name in files)
     return total
+
+
+def _size(file: Path) -> int:
+    """0 for a file that went away since it was listed: a writer at work renames its files when they are whole."""
+    try:
+        return file.stat().st_size
+    except FileNotFoundError:
+        return 0

@@ -21,6 +21,7 @@ from handsight.datasets.errors import (
     SessionNotFoundError,
     SnapshotNotFoundError,
 )
+from handsight.datasets.folder import check_current
 from handsight.datasets.info import DatasetInfo, bytes_stored
 from handsight.datasets.overlay import CURATED_COLUMNS, Overlay, read_overlay
 from handsight.datasets.records import GraspAttempt, Outcome, Snapshot, StationCard
@@ -50,6 +51,7 @@ class GraspDataset:
         self.ref = ref
         self.snapshot_id = repository.resolve(ref)
         self._root = repository.root(self.snapshot_id)
+        check_current(repository.path, ref, self._root.attrs.asdict().get("schema_version"))
         self._sessions = {session.ulid: session for session in read_sessions(self._root)}
 
     @classmethod
@@ -61,7 +63,7 @@ class GraspDataset:
             DatasetNotFoundError: Nothing is there.
             NotADatasetError: The path is a file or a folder that is no dataset.
             RefNotFoundError: There is no such version.
-            SchemaError: The dataset was written by a newer handsight.
+            SchemaError: The version was written by a newer handsight, or by an older one and not migrated.
         """
         parsed = DatasetAddress.parse(address) if isinstance(address, str) else address
         return cls(GraspRepository.open(parsed.path), ref=parsed.ref)

@@ -65,6 +65,19 @@ def sealed_attributes() -> dict[str, Any]:
     return _status_attributes({"status": "sealed", "ended": utc_now()})
 
 
+def attributes_with_header(attributes: dict[str, Any], header: dict[str, Any]) -> dict[str, Any]:
+    """The attributes of a recorded session with the header that a newer schema gives it.
+
+    Raises:
+        CorruptDataError: The attributes are damaged, and would be vouched for by the new digest.
+    """
+    damage = attribute_damage(attributes)
+    if damage:
+        raise CorruptDataError(f"a session is damaged: {'; '.join(damage)}; restore the dataset from a copy")
+    renewed = {**attributes, "header": header, "config_digest": config_digest(header_from_json(header))}
+    return {**renewed, "provenance_digest": _digest({name: renewed[name] for name in _PROVENANCE})}
+
+
 def attribute_damage(attributes: dict[str, Any]) -> list[str]:
     """What is no longer as it was recorded among the attributes of a session, which no checksum of the store covers."""
     faults = []

@@ -14,16 +14,14 @@ from handsight.collection.attempt import (
     execute_grasp,
     is_held,
 )
-from handsight.collection.errors import PhaseError, UnreachableError
+from handsight.collection.errors import PhaseError
 from handsight.collection.policy import UniformPolicy
+from handsight.collection.servo_policy import servo_on_station
 from handsight.collection.station import Station
-from handsight.datasets.materialize import station_view
 from handsight.datasets.records import SceneObjects, Snapshot, StationCard
 from handsight.evaluation.methods import SERVO_METHODS
-from handsight.servoing.loop import ServoSettings, ServoTrace, servo
+from handsight.servoing.loop import ServoSettings, ServoTrace
 from handsight.servoing.objective import ScoreInputs
-from handsight.servoing.planar import PlanarPose
-from handsight.servoing.view import View
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,7 +73,9 @@ def run_trial(
     try:
         begin_attempt(progress, UniformPolicy(), streams)
         if score_inputs is not None and method in SERVO_METHODS:
-            trace = _servo(station, score_inputs, method, settings, streams.servo)
+            trace = servo_on_station(
+                station, score_inputs, SERVO_METHODS[method], name=method, settings=settings, rng=streams.servo
+            )
         execute_grasp(progress)
     except PhaseError as error:
         failure = str(error)
@@ -89,23 +89,6 @@ def run_trial(
         truth_held=None if failure else station.held_in_truth(),
     )
     return trial, _recording(progress, trial, trace)
-
-
-def _servo(
-    station: Station, score_inputs: ScoreInputs, method: str, settings: ServoSettings, rng: np.random.Generator
-) -> ServoTrace:
-    def look() -> tuple[View, PlanarPose]:
-        snapshot = station.look()
-        return station_view(snapshot, station.card), PlanarPose.from_pose_base_tool(snapshot.pose_base_tool)
-
-    def move(pose: PlanarPose) -> bool:
-        try:
-            station.reach(pose)
-        except UnreachableError:
-            return False
-        return True
-
-    return servo(look, move, score_inputs, SERVO_METHODS[method], name=method, settings=settings, rng=rng)
 
 
 def _recording(progress: AttemptProgress, trial: Trial, trace: ServoTrace | None) -> TrialRecording | None:

@@ -8,6 +8,7 @@ the colour of its label. Entities:
     world/tool/camera/{rgb, heat, depth}                pictures, in raw pixels
     world/tool/camera/{samples, arrow, jaws, text}      what was scored and chosen, over the pictures
     world/{trajectory, grasp}                           where the tool has been, where it grasped
+    scene/rgb                                           the station from outside, where pictures of it were given
     input/{rgb, height}                                 the network's input
     plots/score/{here, predicted, threshold}            success metrics
     plots/step/{dx_mm, dy_mm, dangle_deg}               the chosen steps
@@ -22,6 +23,7 @@ from pathlib import Path
 
 import numpy as np
 import rerun as rr
+from numpy.typing import NDArray
 
 from handsight.evaluation.trial import TrialRecording
 from handsight.servoing.heatmap import Heatmap
@@ -35,7 +37,7 @@ from handsight.viz.pixels import PictureFrame, place_heatmap
 from handsight.viz.recording import write_recording
 from handsight.viz.scene import log_scene
 from handsight.viz.summary import outcome, step_table, trial_summary
-from handsight.viz.trace_layout import CAMERA, TIMELINE, TraceRanges, trace_blueprint
+from handsight.viz.trace_layout import CAMERA, OUTSIDE, TIMELINE, TraceRanges, trace_blueprint
 
 KIND = "handsight_servo_trace"
 IMAGE_PLANE_M = 0.16
@@ -55,20 +57,26 @@ SERIES = {
 }
 
 
-def write_servo_trace(path: Path, recording: TrialRecording, heatmaps: Sequence[Heatmap] | None = None) -> None:
+def write_servo_trace(
+    path: Path,
+    recording: TrialRecording,
+    heatmaps: Sequence[Heatmap] | None = None,
+    outside: Sequence[NDArray[np.uint8]] | None = None,
+) -> None:
     """Write a trial as a self-contained ``.rrd`` with its layout.
 
     Args:
         path: The file to write; an existing one is replaced, and nothing is left behind on an error.
         recording: The trial with everything seen.
         heatmaps: One map per step of the trace, drawn over the pictures; None draws none.
+        outside: One picture of the station per step, each (H, W, 3); None shows none.
 
     Raises:
-        RecordingError: the trace is empty, maps and steps do not match, or ``path`` cannot be written.
+        RecordingError: the trace is empty, maps or pictures do not match its steps, or ``path`` cannot be written.
     """
     trace = recording.trace
-    _check(recording, heatmaps)
-    ranges = _ranges(recording)
+    _check(recording, heatmaps, outside)
+    ranges = _ranges(recording, outside)
     name = f"{trace.method}-{recording.trial.number:06d}"
     with write_recording(path, kind=KIND, name=name, blueprint=trace_blueprint(ranges)) as stream:
         _log_once(stream, recording)
@@ -78,10 +86,14 @@ def write_servo_trace(path: Path, recording: TrialRecording, heatmaps: Sequence[
             _log_pictures(stream, recording, step, heatmaps[number] if heatmaps is not None else None)
             _log_candidates(stream, recording, step)
             _log_plots(stream, trace, step)
+            if outside is not None:
+                stream.log(OUTSIDE, jpeg(outside[number]))
         _log_grasp(stream, recording)
 
 
-def _check(recording: TrialRecording, heatmaps: Sequence[Heatmap] | None) -> None:
+def _check(
+    recording: TrialRecording, heatmaps: Sequence[Heatmap] | None, outside: Sequence[NDArray[np.uint8]] | None
+) -> None:
     trace, scene, names = recording.trace, recording.scene, recording.station.objects
     faults = []
     if scene is not None and scene.catalogue_index.max(initial=-1) >= len(names):
@@ -99,11 +111,17 @@ def _check(recording: TrialRecording, heatmaps: Sequence[Heatmap] | None) -> Non
                 place_heatmap(heatmap)
             except RecordingError as error:
                 faults.append(f"heatmap {number}: {error}")
+    if outside is not None:
+        shapes = {picture.shape for picture in outside}
+        if len(outside) != len(trace.steps):
+            faults.append(f"got {len(outside)} outside pictures for {len(trace.steps)} servo steps, expected one each")
+        if len(shapes) > 1 or any(len(shape) != 3 or shape[2] != 3 for shape in shapes):
+            faults.append(f"outside pictures have the shapes {sorted(shapes)}, expected one shape (H, W, 3)")
     if faults:
         raise RecordingError("; ".join(faults))
 
 
-def _ranges(recording: TrialRecording) -> TraceRanges:
+def _ranges(recording: TrialRecording, outside: Sequence[NDArray[np.uint8]] | None) -> TraceRanges:
     trace = recording.trace
     k = recording.station.camera.intrinsics
     largest = max(
@@ -117,6 +135,7 @@ def _ranges(recording: TrialRecording) -> TraceRanges:
         width_px=k.width,
         height_px=k.height,
         input_px=trace.steps[0].inputs.shape[-1],
+        outside_px=(outside[0].shape[1], outside[0].shape[0]) if outside else None,
         scene_centre_m=(
             0.5 * (x_m + overhead_x_m),
             0.5 * (y_m + overhead_y_m),

@@ -14,6 +14,7 @@ import rerun.blueprint as rrb
 TIMELINE = "servo_step"
 
 CAMERA = "/world/tool/camera"
+OUTSIDE = "/scene/rgb"
 BACKGROUND = (18, 20, 24)
 EYE_OFFSET_M = (0.54, -0.70, 0.50)
 """From the middle of the scene to the eye: in front of the robot and to its right, looking down at 30 degrees."""
@@ -30,6 +31,8 @@ class TraceRanges:
     height_px: int
     input_px: int
     scene_centre_m: tuple[float, float, float]
+    outside_px: tuple[int, int] | None = None
+    """Width and height of the pictures from outside; None where there are none."""
 
 
 def trace_blueprint(ranges: TraceRanges) -> rrb.Blueprint:
@@ -37,7 +40,7 @@ def trace_blueprint(ranges: TraceRanges) -> rrb.Blueprint:
     return rrb.Blueprint(
         rrb.Vertical(
             rrb.Horizontal(
-                _scene_view(ranges),
+                _scene_views(ranges),
                 _picture_view(ranges),
                 rrb.Vertical(_depth_view(ranges), input_views(ranges.input_px), row_shares=[0.55, 0.45]),
                 column_shares=[0.36, 0.40, 0.24],
@@ -50,6 +53,22 @@ def trace_blueprint(ranges: TraceRanges) -> rrb.Blueprint:
         rrb.SelectionPanel(state="hidden"),
         auto_layout=False,
         auto_views=False,
+    )
+
+
+def _scene_views(ranges: TraceRanges) -> rrb.Spatial3DView | rrb.Vertical:
+    """The scene as measured and, where there are pictures of it, as seen from outside."""
+    if ranges.outside_px is None:
+        return _scene_view(ranges)
+    return rrb.Vertical(_scene_view(ranges), _outside_view(*ranges.outside_px))
+
+
+def _outside_view(width_px: int, height_px: int) -> rrb.Spatial2DView:
+    return rrb.Spatial2DView(
+        name="Scene camera",
+        origin=OUTSIDE,
+        background=BACKGROUND,
+        visual_bounds=picture_bounds(width_px, height_px),
     )
 
 

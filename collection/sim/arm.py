@@ -25,7 +25,7 @@ KNOT_SPACING_M = 0.02
 TRACKING_LIMIT_RAD = 0.03
 """A joint this far from where it was sent at the end of a move means that the arm was blocked."""
 
-_BASE_ORIENTATION = (0.0, 0.0, 1.0, 0.0)
+BASE_ORIENTATION = (0.0, 0.0, 1.0, 0.0)
 """Half a turn about z: puts the controller's base frame, in which poses are given, onto the world frame."""
 
 
@@ -36,7 +36,7 @@ class Arm:
         """Load the arm at ``REFERENCE_RAD`` with open jaws."""
         self._engine = engine
         self._config = config
-        self.body: int = engine.loadURDF(str(urdf), (0, 0, 0), _BASE_ORIENTATION, useFixedBase=True)
+        self.body: int = engine.loadURDF(str(urdf), (0, 0, 0), BASE_ORIENTATION, useFixedBase=True)
         index = {engine.getJointInfo(self.body, j)[1].decode(): j for j in range(engine.getNumJoints(self.body))}
         self._joints = [index[name] for name in ARM_JOINTS]
         self._fingers = [index[name] for name in FINGER_JOINTS]

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, field
 
 from handsight.collection.errors import StationSettingsError
+from handsight.collection.sim.renderer import RENDERERS, TINY
 from handsight.collection.station import Workspace
 from handsight.servoing.camera import HandCamera, Intrinsics
 
@@ -19,6 +20,14 @@ D435_ON_GRIPPER = HandCamera(
     z_tool_camera_m=-0.10,
 )
 """A D435 clamped to the wrist in front of the gripper. The fingers stay out of the picture."""
+
+
+VARIETY = ("table", "light", "colour", "friction", "depth-noise")
+"""What can differ between scenes beside the objects; ``variety.py`` draws the values."""
+
+DROP_SPACING_M = 0.12
+"""Objects are dropped at least this far apart, centre to centre."""
+DROP_LAYERS = 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,11 +56,18 @@ class SimConfig:
     closed_width_m: float = 0.002
     """Openings up to this count as fully closed: object thickness that the jaws cannot resolve."""
     grip_force_n: float = 40.0
-    finger_friction: float = 1.3
-    """Lateral friction of the fingertips on objects of friction 1 (paper, section V-B)."""
+    finger_friction: float = 1.8
+    """Lateral friction of the fingertips. The engine multiplies it with that of the object, 0.7 to 0.8 for most, which
+    gives the 1.3 between fingers and objects of the paper (section V-B)."""
     physics_hz: int = 240
     solver_iterations: int = 50
+    solver_residual: float = 1e-4
+    """The solver ends a step's iterations early once they change less than this (squared velocities)."""
     settle_limit_s: float = 5.0
+    vary: tuple[str, ...] = ()
+    """What differs between scenes beside the objects; some of ``VARIETY``."""
+    renderer: str = TINY.name
+    """Who draws the objects: ``tiny``, the same bytes on every machine, or ``egl``, faster with a good driver."""
 
     def __post_init__(self) -> None:
         faults = []
@@ -66,10 +82,46 @@ class SimConfig:
             )
         if not 0 < self.closed_width_m < self.gripper_stroke_m:
             faults.append(f"closed_width_m is {self.closed_width_m}, expected between 0 and {self.gripper_stroke_m}")
+        if not 0 <= self.solver_residual < 1:
+            faults.append(f"solver_residual is {self.solver_residual}, expected 0 to 1")
         if self.physics_hz < 60 or self.solver_iterations < 1:
             faults.append(
                 f"physics runs at {self.physics_hz} Hz with {self.solver_iterations} iterations, "
                 "expected at least 60 Hz and 1 iteration"
             )
+        unknown = [kind for kind in self.vary if kind not in VARIETY]
+        if unknown or len(set(self.vary)) < len(self.vary):
+            faults.append(f"vary is {', '.join(self.vary)}, expected some of {', '.join(VARIETY)}, each once")
+        room = self.most_objects
+        if self.objects_per_scene > room:
+            faults.append(f"objects_per_scene is {self.objects_per_scene}, expected at most {room}: no more fit")
+        faults += self._renderer_faults()
         if faults:
             raise StationSettingsError("; ".join(faults))
+
+    def _renderer_faults(self) -> list[str]:
+        if self.renderer not in RENDERERS:
+            return [f"renderer is {self.renderer!r}, expected one of: {', '.join(RENDERERS)}"]
+        renderer = RENDERERS[self.renderer]
+        k = self.camera.intrinsics
+        faults = []
+        if renderer.largest_px is not None and (k.width > renderer.largest_px[0] or k.height > renderer.largest_px[1]):
+            width, height = renderer.largest_px
+            faults.append(
+                f"the camera has {k.width}x{k.height} pixels, the renderer {self.renderer!r} draws at most "
+                f"{width}x{height}: use the renderer {TINY.name!r}"
+            )
+        if "light" in self.vary and not renderer.coloured_light:
+            faults.append(
+                f"vary has 'light', of which the renderer {self.renderer!r} knows the direction alone: "
+                f"use the renderer {TINY.name!r}"
+            )
+        return faults
+
+    @property
+    def most_objects(self) -> int:
+        """How many objects can be dropped at a time: side by side over the workspace, in so many layers."""
+        area = self.workspace
+        columns = int((area.x_max_m - area.x_min_m) / DROP_SPACING_M) + 1
+        rows = int((area.y_max_m - area.y_min_m) / DROP_SPACING_M) + 1
+        return columns * rows * DROP_LAYERS

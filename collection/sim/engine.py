@@ -16,7 +16,7 @@ _flush_c_streams = ctypes.CDLL(None).fflush
 
 
 @contextlib.contextmanager
-def _quiet() -> Iterator[None]:
+def quiet() -> Iterator[None]:
     """Send what C code prints to nowhere until the block ends."""
     sys.stdout.flush()
     sys.stderr.flush()
@@ -36,14 +36,14 @@ def _quiet() -> Iterator[None]:
         os.close(sink)
 
 
-with _quiet():
+with quiet():
     import pybullet
     from pybullet_utils.bullet_client import BulletClient
 
-__all__ = ["BulletClient", "connect", "pybullet"]
+__all__ = ["BulletClient", "connect", "pybullet", "quiet"]
 
 
 def connect() -> BulletClient:
     """A headless physics engine of its own."""
-    with _quiet():
+    with quiet():
         return BulletClient(pybullet.DIRECT)

@@ -8,14 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handsight.collection.errors import PhaseAbortedError
-from handsight.collection.sim.config import SimConfig
+from handsight.collection.sim.config import DROP_SPACING_M, SimConfig
 from handsight.collection.sim.engine import BulletClient, pybullet
 from handsight.collection.sim.objects import ObjectModel
+from handsight.collection.sim.variety import Tint, Variety
 
-CLEARANCE_M = 0.06
-"""Objects are dropped at least this far apart where there is room, else one above the other."""
 PLACEMENT_TRIES = 20
-STACK_STEP_M = 0.12
+"""Places tried in one layer before an object is dropped from the next layer above."""
 RESTING_SPEED_M_S = 0.01
 RESTING_SPIN_RAD_S = 0.1
 CHECK_EVERY_TICKS = 12
@@ -30,7 +29,7 @@ class Scene:
         self._config = config
         self.bodies: list[int] = []
 
-    def drop(self, models: list[ObjectModel], rng: np.random.Generator) -> None:
+    def drop(self, models: list[ObjectModel], rng: np.random.Generator, variety: Variety) -> None:
         """Load ``models`` above the table, each in a random pose inside the workspace."""
         for model, position in zip(models, self._positions(len(models), rng), strict=True):
             body = self._engine.loadURDF(
@@ -40,17 +39,26 @@ class Scene:
             self._engine.changeDynamics(
                 body, -1, linearDamping=0.1, angularDamping=0.3, rollingFriction=1e-3, spinningFriction=1e-3
             )
+            if variety.friction is not None:
+                self._engine.changeDynamics(body, -1, lateralFriction=variety.friction.objects)
             self.bodies.append(body)
+        for body, tint in zip(self.bodies, variety.tints, strict=False):
+            self._paint(body, tint)
+
+    def _paint(self, body: int, tint: Tint) -> None:
+        for shape in self._engine.getVisualShapeData(body):
+            link, (red, green, blue, alpha) = shape[1], shape[7]
+            colour = (red * tint.red, green * tint.green, blue * tint.blue, alpha)
+            self._engine.changeVisualShape(body, link, rgbaColor=colour)
 
     def _positions(self, count: int, rng: np.random.Generator) -> list[NDArray[np.float64]]:
         placed: list[NDArray[np.float64]] = []
         for _ in range(count):
-            level = 0
             for attempt in range(PLACEMENT_TRIES * count):
-                level = attempt // PLACEMENT_TRIES
+                layer = attempt // PLACEMENT_TRIES
                 x_m, y_m = self._config.workspace.sample(rng)
-                position = np.array([x_m, y_m, self._config.drop_height_m + level * STACK_STEP_M])
-                if all(np.linalg.norm(position - other) > 2 * CLEARANCE_M for other in placed):
+                position = np.array([x_m, y_m, self._config.drop_height_m + layer * DROP_SPACING_M])
+                if all(np.linalg.norm(position - other) > DROP_SPACING_M for other in placed):
                     break
             placed.append(position)
         return placed
@@ -66,21 +74,23 @@ class Scene:
         limit = round(self._config.settle_limit_s * self._config.physics_hz)
         for tick in range(1, limit + 1):
             self._engine.stepSimulation()
-            if tick % CHECK_EVERY_TICKS == 0 and self._at_rest():
+            if tick % CHECK_EVERY_TICKS == 0 and all(map(self._rests, self.bodies)):
                 break
         else:
             raise PhaseAbortedError("settle", f"objects still moved after {self._config.settle_limit_s:g} s")
-        sleeping = pybullet.ACTIVATION_STATE_ENABLE_SLEEPING | pybullet.ACTIVATION_STATE_SLEEP
-        for body in self.bodies:
-            self._engine.changeDynamics(body, -1, activationState=sleeping)
+        self.sleep()
         return tick
 
-    def _at_rest(self) -> bool:
+    def sleep(self) -> None:
+        """Let every object that rests sleep until something touches it."""
+        sleeping = pybullet.ACTIVATION_STATE_ENABLE_SLEEPING | pybullet.ACTIVATION_STATE_SLEEP
         for body in self.bodies:
-            linear, angular = self._engine.getBaseVelocity(body)
-            if math.hypot(*linear) > RESTING_SPEED_M_S or math.hypot(*angular) > RESTING_SPIN_RAD_S:
-                return False
-        return True
+            if self._rests(body):
+                self._engine.changeDynamics(body, -1, activationState=sleeping)
+
+    def _rests(self, body: int) -> bool:
+        linear, angular = self._engine.getBaseVelocity(body)
+        return math.hypot(*linear) <= RESTING_SPEED_M_S and math.hypot(*angular) <= RESTING_SPIN_RAD_S
 
     def poses(self) -> NDArray[np.float64]:
         """Position and quaternion of every object, x y z qx qy qz qw. Shape (M, 7)."""

@@ -6,7 +6,9 @@ worker did before: this is what makes attempts re-simulable bit for bit. Reloadi
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,12 +16,13 @@ from numpy.typing import NDArray
 from handsight.collection.errors import ObjectSetError, PhaseAbortedError
 from handsight.collection.sim.arm import Arm
 from handsight.collection.sim.arm_model import temporary_arm_urdf
-from handsight.collection.sim.camera import render
+from handsight.collection.sim.camera import DAYLIGHT, render
 from handsight.collection.sim.config import SimConfig
-from handsight.collection.sim.engine import connect
-from handsight.collection.sim.objects import load_object_set
+from handsight.collection.sim.objects import ObjectModel, load_object_set
+from handsight.collection.sim.renderer import EmptyEngines, renderer_named
 from handsight.collection.sim.scene import Scene
-from handsight.collection.sim.table import add_table, wooden_table
+from handsight.collection.sim.table import TABLE_FRICTION, add_table, wooden_table
+from handsight.collection.sim.variety import Variety, condition_names
 from handsight.collection.station import Descent, Workspace
 from handsight.datasets.records import SceneObjects, Snapshot, StationCard
 from handsight.servoing.planar import PlanarPose
@@ -52,6 +55,7 @@ class SimStationFactory:
             closed_width_m=self.config.closed_width_m,
             pregrasp_height_m=self.config.pregrasp_height_m,
             objects=tuple(model.object_id for model in load_object_set(self.config.objects)),
+            conditions=condition_names(self.config.vary, self.config.objects_per_scene),
         )
 
     @property
@@ -68,6 +72,19 @@ class SimStationFactory:
         return SimStation(self.config)
 
 
+def check_object_count(models: Sequence[ObjectModel], config: SimConfig) -> None:
+    """Refuse a set that cannot fill a scene, in which every object is there once.
+
+    Raises:
+        ObjectSetError: it has too few objects.
+    """
+    if len(models) < config.objects_per_scene:
+        raise ObjectSetError(
+            f"object set {config.objects!r} has {len(models)} objects, "
+            f"expected at least the {config.objects_per_scene} of a scene"
+        )
+
+
 class SimStation:
     """A :class:`~handsight.collection.station.Station` in simulation."""
 
@@ -76,18 +93,16 @@ class SimStation:
 
         Raises:
             ObjectSetError: unknown object set, or fewer objects in it than a scene needs.
+            RendererUnavailableError: this machine cannot draw with the renderer asked for.
         """
         self._config = config
         self._models = load_object_set(config.objects)
-        if len(self._models) < config.objects_per_scene:
-            raise ObjectSetError(
-                f"object set {config.objects!r} has {len(self._models)} objects, "
-                f"expected at least the {config.objects_per_scene} of a scene"
-            )
+        check_object_count(self._models, config)
         self._card = SimStationFactory(config=config).card
+        self._renderer = renderer_named(config.renderer)
+        self._engines = EmptyEngines(self._renderer)
         self._folder, self._arm_urdf = temporary_arm_urdf()
-        self._table = wooden_table(np.random.default_rng(TABLE_SEED))
-        self._engine = connect()
+        self._wooden_table = self._table = wooden_table(np.random.default_rng(TABLE_SEED))
         self._ticks = 0
 
     @property
@@ -112,30 +127,41 @@ class SimStation:
 
     def prepare(self, rng: np.random.Generator) -> SceneObjects:
         """Drop new objects and let them come to rest; the arm stands at the overhead pose."""
+        self._variety = Variety.draw(self._config.vary, self._config.objects_per_scene, rng.spawn(1)[0])
         self._reset_engine()
         chosen = rng.choice(len(self._models), size=self._config.objects_per_scene, replace=False)
-        self._scene.drop([self._models[index] for index in chosen], rng)
+        self._scene.drop([self._models[index] for index in chosen], rng, self._variety)
         self._ticks += self._scene.settle()
         poses = self._scene.poses()
+        target = self._choose_target(poses, rng)
+        # The arm stands above what falls, untouched: it costs nothing while it is not there yet.
+        self._add_arm()
         return SceneObjects(
-            catalogue_index=chosen.astype(np.int16), pose_base_object=poses, target=self._choose_target(poses, rng)
+            catalogue_index=chosen.astype(np.int16),
+            pose_base_object=poses,
+            target=target,
+            conditions=self._variety.values(),
         )
 
     def _reset_engine(self) -> None:
-        engine = self._engine
-        engine.resetSimulation()
+        engine = self._engine = self._engines.empty()
         engine.setGravity(0, 0, -9.81)
         engine.setPhysicsEngineParameter(
             fixedTimeStep=1 / self._config.physics_hz,
             numSolverIterations=self._config.solver_iterations,
+            solverResidualThreshold=self._config.solver_residual,
             deterministicOverlappingPairs=1,
         )
-        self._ticks = 0
-        add_table(engine)
-        self._arm = Arm(engine, self._arm_urdf, self._config)
+        self._ticks = self._looks = 0
+        friction = self._variety.friction
+        add_table(engine, friction=TABLE_FRICTION if friction is None else friction.table)
+        self._table = self._wooden_table if self._variety.table is None else self._variety.table.table_top()
+        self._scene = Scene(engine, self._config)
+
+    def _add_arm(self) -> None:
+        self._arm = Arm(self._engine, self._arm_urdf, self._config)
         overhead = PlanarPose(x_m=self._centre[0], y_m=self._centre[1], angle_rad=0.0)
         self._arm.place(overhead.pose_base_tool(self._config.overhead_height_m))
-        self._scene = Scene(engine, self._config)
 
     @property
     def _centre(self) -> tuple[float, float]:
@@ -156,13 +182,18 @@ class SimStation:
     def look(self) -> Snapshot:
         """Render the hand camera."""
         pose_base_tool = self._arm.pose_base_tool
+        noise = self._variety.depth_noise
         rgb, depth = render(
             self._engine,
             self._table,
             self._config.camera,
             pose_base_tool,
             depth_scale_m=self._config.depth_scale_m,
+            light=DAYLIGHT if self._variety.light is None else self._variety.light.light(),
+            renderer=self._renderer,
+            sense=None if noise is None else partial(noise.measured, look=self._looks),
         )
+        self._looks += 1
         return Snapshot(rgb=rgb, depth=depth, pose_base_tool=pose_base_tool)
 
     def reach(self, pose: PlanarPose) -> None:
@@ -196,6 +227,8 @@ class SimStation:
 
     def lift(self) -> float:
         """Raise the tool to the lift height."""
+        # Objects that were pushed and rest again need no solver; those in touch with the jaws wake up at once.
+        self._scene.sleep()
         goal = self._arm.pose_base_tool
         goal[2, 3] = self._config.lift_height_m
         self._arm.move_line(goal, self._step, phase="lift")
@@ -222,5 +255,5 @@ class SimStation:
 
     def close(self) -> None:
         """Stop the engine and delete its temporary files."""
-        self._engine.disconnect()
+        self._engines.close()
         self._folder.cleanup()

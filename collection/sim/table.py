@@ -24,14 +24,14 @@ TEXTURE_PX = 1024
 WOOD_RGB = (176.0, 137.0, 96.0)
 
 
-def add_table(engine: BulletClient) -> int:
+def add_table(engine: BulletClient, *, friction: float = TABLE_FRICTION) -> int:
     """Add the table to an engine, for contact only, and return its body."""
     half_size = (TABLE_HALF_SIZE_M, TABLE_HALF_SIZE_M, 0.5 * TABLE_THICKNESS_M)
     solid = engine.createCollisionShape(pybullet.GEOM_BOX, halfExtents=half_size)
     # Without a visual shape of its own PyBullet would draw the collision shape; a speck inside the table is unseen.
     speck = engine.createVisualShape(pybullet.GEOM_SPHERE, radius=1e-4)
     body: int = engine.createMultiBody(0, solid, speck, (*TABLE_CENTRE_M, -0.5 * TABLE_THICKNESS_M))
-    engine.changeDynamics(body, -1, lateralFriction=TABLE_FRICTION)
+    engine.changeDynamics(body, -1, lateralFriction=friction)
     return body
 
 
@@ -45,24 +45,23 @@ class TableTop:
     """Side of the square that the texture covers, centred on the table."""
 
     def draw(
-        self, intrinsics: Intrinsics, pose_base_camera: NDArray[np.float64]
+        self, intrinsics: Intrinsics, pose_base_camera: NDArray[np.float64], *, brightness: float = 1.0
     ) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
-        """Picture (H, W, 3) u8 and depth along the optical axis (H, W) [m] of the plane, as the camera sees it."""
+        """Picture (H, W, 3) u8 and depth along the optical axis (H, W) [m] of the plane, as the camera sees it.
+
+        ``brightness`` is a factor on the texture's colours, which stop at white.
+        """
         homography = self._texture_from_pixel(intrinsics, pose_base_camera)
         size = (intrinsics.width, intrinsics.height)
         rgb = cv2.warpPerspective(
             self.texture, homography, size, flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP, borderMode=cv2.BORDER_REFLECT
         )
+        rgb = cv2.convertScaleAbs(rgb, alpha=brightness)
         return np.asarray(rgb, dtype=np.uint8), plane_depth_m(intrinsics, pose_base_camera)
 
     def _texture_from_pixel(self, intrinsics: Intrinsics, pose_base_camera: NDArray[np.float64]) -> NDArray[np.float64]:
         """Homography from homogeneous pixels to homogeneous texture coordinates. Shape (3, 3)."""
-        camera_matrix = np.array(
-            [[intrinsics.fx, 0, intrinsics.cx], [0, intrinsics.fy, intrinsics.cy], [0, 0, 1]], dtype=np.float64
-        )
-        pose_camera_base = np.linalg.inv(pose_base_camera)
-        # On z = 0 the third column of the rotation drops out (Hartley & Zisserman, section 8.1).
-        pixel_from_table = camera_matrix @ pose_camera_base[:3, [0, 1, 3]]
+        pixel_from_table = table_homography(intrinsics, pose_base_camera)
         pixels_per_m = len(self.texture) / self.size_m
         origin_px = 0.5 * (len(self.texture) - 1)
         texture_from_table = np.array(
@@ -74,6 +73,17 @@ class TableTop:
         )
         homography: NDArray[np.float64] = texture_from_table @ np.linalg.inv(pixel_from_table)
         return homography
+
+
+def table_homography(intrinsics: Intrinsics, pose_base_camera: NDArray[np.float64]) -> NDArray[np.float64]:
+    """From homogeneous points (x, y, 1) [m] of the table, in the base frame, to homogeneous pixels. Shape (3, 3)."""
+    camera_matrix = np.array(
+        [[intrinsics.fx, 0, intrinsics.cx], [0, intrinsics.fy, intrinsics.cy], [0, 0, 1]], dtype=np.float64
+    )
+    pose_camera_base = np.linalg.inv(pose_base_camera)
+    # On z = 0 the third column of the rotation drops out (Hartley & Zisserman, section 8.1).
+    homography: NDArray[np.float64] = camera_matrix @ pose_camera_base[:3, [0, 1, 3]]
+    return homography
 
 
 def plane_depth_m(intrinsics: Intrinsics, pose_base_camera: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -2,7 +2,6 @@
 
 =======  ========  =====================================================================
 GD-101   note      a session is still open
-GD-102   note      the dataset was written with an older schema
 GD-103   error     arrays of a session differ in length
 GD-104   error     ids are not unique, or numbers of a session have gaps
 GD-105   warning   curation names attempts that this version does not hold
@@ -26,11 +25,14 @@ GD-401   warning   one label is rare
 GD-402   error     stored folds leak or do not fit this version
 GD-403   warning   nearly the same picture is in two folds
 GD-501   error     a simulated attempt ends otherwise when it is simulated again
+GD-502   warning   it ends alike, but some recorded byte differs
+GD-503   note      it cannot be simulated again: an older simulator, or a network that is not at hand
 =======  ========  =====================================================================
 
 Excluded attempts are left out: somebody has seen them already. Those of GD-3xx, and GD-403, look at every picture and
 run only when asked for. The network's statistics are computed from what is trained on and are not stored, so none can
-be stale; folds carry a digest of the attempts and labels they divide (GD-402).
+be stale; folds carry a digest of the attempts and labels they divide (GD-402). A version of an older schema is refused
+with the command that migrates it.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""GD-4xx and GD-501: whether the labels can be learned from and trusted."""
+"""GD-4xx and GD-5xx: whether the labels can be learned from and trusted."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from handsight.datasets.digest import attempt_digest
 from handsight.datasets.doctor.findings import Finding, about, whole
 from handsight.datasets.folds import Folds, fold_faults
 from handsight.datasets.reader import GraspDataset
@@ -37,17 +38,22 @@ def fold_findings(dataset: GraspDataset, folds: list[Folds]) -> Iterator[Finding
 def resimulation_findings(
     dataset: GraspDataset, resimulate: ResimulateAttempt, count: int, generator: np.random.Generator
 ) -> Iterator[Finding]:
-    """Perform some labelled attempts of simulated sessions again and compare how they end."""
+    """Perform some labelled attempts of simulated sessions again and compare how they end, and every recorded bit."""
     table = dataset.attempts
     rows = table[table["seed"].notna() & table["recorded_success"].notna() & ~table["excluded"]]
     chosen = rows.index[np.sort(generator.permutation(len(rows))[:count])]
-    wrong = []
+    wrong, different, not_possible = [], [], []
     for attempt in chosen:
         _, number = parse_attempt_id(attempt)
-        again = resimulate(dataset.session(attempt).header, number)
-        if again is not None and again.outcome != Outcome[table.loc[attempt, "outcome"].upper()]:
+        header = dataset.session(attempt).header
+        again = resimulate(header, number)
+        if again is None:
+            not_possible.append(attempt)
+        elif again.outcome != Outcome[table.loc[attempt, "outcome"].upper()]:
             wrong.append(attempt)
-    message = (
-        f"{{n}} of {len(chosen)} attempts end otherwise when they are simulated again: other code, assets or seeds"
-    )
-    yield from about("GD-501", "error", wrong, message)
+        elif attempt_digest(again, header.station).hex() != table.loc[attempt, "digest"]:
+            different.append(attempt)
+    of = f"{{n}} of {len(chosen)} attempts"
+    yield from about("GD-501", "error", wrong, f"{of} end otherwise when simulated again: other code, assets or seeds")
+    yield from about("GD-502", "warning", different, f"{of} end alike when simulated again, but their bytes differ")
+    yield from about("GD-503", "note", not_possible, f"{of} cannot be simulated again here")

@@ -9,12 +9,12 @@ import zarr
 from handsight.datasets.doctor.findings import Finding, about, whole
 from handsight.datasets.engine import array_at, group_at
 from handsight.datasets.reader import GraspDataset
-from handsight.datasets.schema import COLUMNS, SCHEMA_VERSION, SESSIONS, VIEWS
+from handsight.datasets.schema import COLUMNS, SESSIONS, VIEWS
 from handsight.datasets.sessions import attribute_damage
 
 
 def structure_findings(dataset: GraspDataset) -> Iterator[Finding]:
-    """Sessions, lengths, ids, curation, schema."""
+    """Sessions, lengths, ids, curation."""
     root = dataset.repository.root(dataset.snapshot_id)
     for session in dataset.sessions:
         group = group_at(root, f"{SESSIONS}/{session.ulid}")
@@ -23,9 +23,6 @@ def structure_findings(dataset: GraspDataset) -> Iterator[Finding]:
         yield from _length_findings(session.ulid, group)
         for fault in attribute_damage(group.attrs.asdict()):
             yield whole("GD-107", "error", f"session {session.ulid}: {fault}")
-    version = root.attrs.asdict().get("schema_version")
-    if isinstance(version, int) and version < SCHEMA_VERSION:
-        yield whole("GD-102", "note", f"the schema is {version}, the newest {SCHEMA_VERSION}: migrate at leisure")
     yield from _id_findings(dataset)
 
 

@@ -39,16 +39,16 @@ def origin_of(dataset: GraspDataset) -> dict[str, Any]:
 
 
 def check_origin(origin: dict[str, Any], where: object) -> None:
-    """Refuse an export of a newer handsight.
+    """Refuse an export of another schema than this handsight's.
 
     Raises:
-        InterchangeError: Its schema is newer than this handsight knows, or it names none.
+        InterchangeError: Its schema is another, or it names none.
     """
     version = origin.get("schema_version")
-    if not isinstance(version, int) or isinstance(version, bool) or not 1 <= version <= SCHEMA_VERSION:
+    if version != SCHEMA_VERSION or isinstance(version, bool):
         raise InterchangeError(
-            f"{where} has schema version {version!r}, expected 1 to {SCHEMA_VERSION}: it was not exported by "
-            "handsight, or by a newer one; upgrade handsight"
+            f"{where} has schema version {version!r}, expected {SCHEMA_VERSION}: it was not exported by handsight, or "
+            "by another version; where the dataset it came from is at hand, migrate that and export it again"
         )
 
 

@@ -13,8 +13,9 @@ from typing import Any
 
 import pytest
 
+from handsight.cli.app import run
 from handsight.collection.collector import CollectReport, CollectSettings, collect
-from handsight.collection.errors import CollectionSettingsError, WorkerDiedError
+from handsight.collection.errors import CollectionSettingsError
 from handsight.collection.sim.config import SimConfig
 from handsight.collection.sim.station import SimStationFactory
 from handsight.datasets import GraspDataset, GraspRepository, SessionConflictError
@@ -81,18 +82,77 @@ def test_an_interruption_keeps_every_finished_attempt(whole: Path, tmp_path: Pat
     assert GraspDataset.open(str(tmp_path / "cut")).digest == GraspDataset.open(str(whole)).digest
 
 
-def test_a_killed_worker_costs_no_finished_attempt(whole: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_killed_worker_is_replaced_and_nobody_can_tell(whole: Path, tmp_path: Path, workers: int) -> None:
+    killed = []
+
     def kill_a_worker(attempt: GraspAttempt, held: int) -> None:
         if held == 2:
-            os.kill(multiprocessing.active_children()[0].pid or 0, signal.SIGKILL)
+            killed.append(multiprocessing.active_children()[0])
+            os.kill(killed[0].pid or 0, signal.SIGKILL)
 
     repository = GraspRepository.create(tmp_path / "grasps")
-    settings = CollectSettings(attempts=9, seed=11, workers=1)
-    with pytest.raises(WorkerDiedError, match="--resume"):
-        collect(repository, FACTORY, settings, on_attempt=kill_a_worker)
-    assert 2 <= GraspDataset.open(str(tmp_path / "grasps")).info().attempts < 9
-    collect(repository, FACTORY, settings, resume=True)
+    settings = CollectSettings(attempts=9, seed=11, workers=workers)
+    assert collect(repository, FACTORY, settings, on_attempt=kill_a_worker).attempts == 9
+    assert killed[0].exitcode == -signal.SIGKILL
     assert GraspDataset.open(str(tmp_path / "grasps")).digest == GraspDataset.open(str(whole)).digest
+
+
+def test_an_attempt_that_kills_its_worker_twice_is_still_made(whole: Path, tmp_path: Path) -> None:
+    said, deaths = doomed_collection(tmp_path, deaths=2)
+    assert (said, deaths) == ("9", 2)
+    assert GraspDataset.open(str(tmp_path / "grasps")).digest == GraspDataset.open(str(whole)).digest
+
+
+def test_an_attempt_that_always_kills_its_worker_ends_the_session(whole: Path, tmp_path: Path) -> None:
+    said, deaths = doomed_collection(tmp_path, deaths=100)
+    assert said.startswith("attempt 5: 3 workers in a row ended")
+    assert "the 5 attempts before it are committed: go on with --resume" in said
+    assert deaths == 3
+    assert GraspDataset.open(str(tmp_path / "grasps")).info().attempts == 5
+    report = collected(tmp_path / "grasps", attempts=9, seed=11, workers=1, resume=True)
+    assert (report.resumed_from, report.attempts) == (5, 9)
+    assert GraspDataset.open(str(tmp_path / "grasps")).digest == GraspDataset.open(str(whole)).digest
+
+
+def doomed_collection(folder: Path, *, deaths: int) -> tuple[str, int]:
+    """What the program of that name prints, and how often a worker of it was killed."""
+    (folder / "marks").mkdir()
+    program = Path(__file__).with_name("doomed_collection.py")
+    command = [sys.executable, "-P", str(program), str(folder / "grasps"), str(folder / "marks"), str(deaths)]
+    program_run = subprocess.run(command, check=True, capture_output=True, text=True, timeout=200)
+    return program_run.stdout.strip(), len(list((folder / "marks").iterdir()))
+
+
+LIMITED_COMMAND = """
+import resource
+from handsight.cli.app import main
+resource.setrlimit(resource.RLIMIT_FSIZE, (2**16, 2**16))
+main()
+"""
+"""The command on a file system that takes no file of the size of a picture. A limit on files stands in for a full disk:
+it fails the same writes and needs neither a file system of one's own nor the rights to mount one."""
+
+
+def test_a_full_disk_leaves_the_last_commit_and_is_resumed(
+    whole: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    grasps = str(tmp_path / "grasps")
+    words = ["collect", "sim", grasps, "--objects", FACTORY.config.objects, "--seed", "11", "-w", "2"]
+    assert run([*words, "-n", "4"]) == 0
+    before = GraspDataset.open(grasps)
+    command = [sys.executable, "-P", "-c", LIMITED_COMMAND, *words, "-n", "9", "--resume"]
+    full = subprocess.run(command, check=False, capture_output=True, text=True, timeout=200)
+    assert full.returncode == 2
+    (line,) = full.stderr.splitlines()
+    assert line.startswith(f"error: cannot write to {grasps}: ")
+    assert "check that the disk is writable and not full" in line
+    after = GraspDataset.open(grasps)
+    assert (after.snapshot_id, after.digest) == (before.snapshot_id, before.digest)
+    assert run(["dataset", "verify", grasps]) == 0
+    assert run([*words, "-n", "9", "--resume"]) == 0
+    assert GraspDataset.open(grasps).digest == GraspDataset.open(str(whole)).digest
+    assert capsys.readouterr().err == ""
 
 
 COLLECT_AND_TELL = """

@@ -140,6 +140,12 @@ def test_sessions_with_and_without_seed_share_a_table(dataset: GraspDataset) -> 
     assert seeds.value_counts(dropna=False).to_dict() == {1: 24, 2: 3, pd.NA: 1}
 
 
+def test_a_file_that_goes_away_while_bytes_are_counted_is_none(dataset: GraspDataset) -> None:
+    before = dataset.info().bytes
+    (Path(dataset.repository.path) / "chunks" / "ABC#1").symlink_to("renamed since")
+    assert dataset.info().bytes == before
+
+
 def test_info_counts(dataset: GraspDataset) -> None:
     info = dataset.info()
     table = dataset.attempts

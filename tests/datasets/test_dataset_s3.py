@@ -7,11 +7,11 @@ import sys
 from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
-from subprocess import DEVNULL, PIPE, Popen
-from urllib.request import ProxyHandler, Request, build_opener
+from subprocess import PIPE, Popen
 
 import pytest
 from tests.datasets.factories import difference, make_attempt, make_header, record
+from tests.s3_server import empty_bucket, s3_server
 
 from handsight.datasets import (
     DatasetExistsError,
@@ -31,45 +31,21 @@ from handsight.datasets.selection import Selection
 from handsight.servoing.homography import InputGrid
 
 PROGRAM = Path(__file__).with_name("factories.py")
-SERVER = """
-import sys
-from moto.server import ThreadedMotoServer
-server = ThreadedMotoServer("127.0.0.1", 0, verbose=False)
-server.start()
-print(server.get_host_and_port()[1], flush=True)
-sys.stdin.read()
-server.stop()
-"""
 ADDRESS = "s3://lab/week/grasps"
 
 
 @pytest.fixture(scope="module")
 def server() -> Iterator[str]:
-    """Address of a server that runs until the end of the file, on the loopback interface only."""
-    command = [sys.executable, "-P", "-c", SERVER]
-    with Popen(command, stdin=PIPE, stdout=PIPE, stderr=DEVNULL, text=True) as process:
-        assert process.stdout is not None
-        port = process.stdout.readline().strip()
-        assert port.isdigit(), "the S3 server did not start; is moto[server] installed?"
-        yield f"http://127.0.0.1:{port}"
-        process.kill()
+    """Address of a server that runs until the end of the file."""
+    with s3_server() as address:
+        yield address
 
 
 @pytest.fixture(autouse=True)
 def bucket(server: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """An empty bucket ``lab``, in the environment that people have who use one."""
-    for name, value in {
-        "AWS_ENDPOINT_URL": server,
-        "AWS_ACCESS_KEY_ID": "test",
-        "AWS_SECRET_ACCESS_KEY": "test",
-        "AWS_REGION": "us-east-1",
-        "NO_PROXY": "127.0.0.1",
-        "HANDSIGHT_CACHE": str(tmp_path / "cache"),
-    }.items():
-        monkeypatch.setenv(name, value)
-    opener = build_opener(ProxyHandler({}))
-    opener.open(Request(f"{server}/moto-api/reset", method="POST")).close()
-    opener.open(Request(f"{server}/lab", method="PUT")).close()
+    empty_bucket(server, monkeypatch)
+    monkeypatch.setenv("HANDSIGHT_CACHE", str(tmp_path / "cache"))
 
 
 def test_a_dataset_in_a_bucket_is_like_any_other(tmp_path: Path) -> None:

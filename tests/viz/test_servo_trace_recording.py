@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from tests.viz.rrd import Content, at, decode, read_recording, scalars, verify
 
 from handsight.evaluation.trial import TrialRecording
@@ -15,6 +16,7 @@ from handsight.servoing.heatmap import Heatmap
 from handsight.viz import palette
 from handsight.viz.errors import RecordingError, VizError
 from handsight.viz.trace import write_servo_trace
+from handsight.viz.trace_layout import OUTSIDE
 
 TIMELINE = "servo_step"
 CAMERA = "/world/tool/camera"
@@ -166,6 +168,36 @@ def test_a_return_to_an_earlier_pose_is_an_arrow_from_the_last(trial: TrialRecor
         [first.pose.x_m, first.pose.y_m], abs=1e-6
     )
     assert "best pose seen" in content["/text/trial"]["TextDocument:text"][0][1][0]
+
+
+@pytest.fixture(scope="module")
+def outside(trial: TrialRecording) -> list[NDArray[np.uint8]]:
+    """One plain picture per step, each of its own grey."""
+    return [np.full((60, 80, 3), 40 + 10 * number, np.uint8) for number in range(len(trial.trace.steps))]
+
+
+def test_pictures_from_outside_are_shown_step_by_step(
+    trial: TrialRecording, outside: list[NDArray[np.uint8]], tmp_path: Path
+) -> None:
+    write_servo_trace(tmp_path / "trace.rrd", trial, outside=outside)
+    blobs = read_recording(tmp_path / "trace.rrd", timeline=TIMELINE)[OUTSIDE]["EncodedImage:blob"]
+    assert [time for time, _ in blobs] == list(range(len(outside)))
+    for (_, blob), picture in zip(blobs, outside, strict=True):
+        assert np.abs(decode(blob[0]).astype(int) - picture).max() <= 2
+
+
+def test_without_pictures_from_outside_there_is_no_view_for_them(content: Content) -> None:
+    assert OUTSIDE not in content
+
+
+def test_pictures_from_outside_that_do_not_fit_are_refused(
+    trial: TrialRecording, outside: list[NDArray[np.uint8]], tmp_path: Path
+) -> None:
+    with pytest.raises(RecordingError, match=r"got 1 outside pictures for \d+ servo steps"):
+        write_servo_trace(tmp_path / "trace.rrd", trial, outside=outside[:1])
+    with pytest.raises(RecordingError, match=r"\(30, 80, 3\), \(60, 80, 3\).*expected one shape"):
+        write_servo_trace(tmp_path / "trace.rrd", trial, outside=[outside[0][:30], *outside[1:]])
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_objects_are_named_where_they_came_to_rest(content: Content, trial: TrialRecording) -> None:

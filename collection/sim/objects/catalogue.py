@@ -15,6 +15,9 @@ from handsight.collection.sim.objects.manifest import MANIFEST_FILE, load_models
 from handsight.collection.sim.objects.model import ObjectModel
 
 IMPORTED_FOLDER = "imported"
+OBJECTS_PER_SCENE = 5
+"""As in the paper, section V-B."""
+CLUTTER_PER_SCENE = 10
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -24,6 +27,8 @@ class BuiltInSet:
     description: str
     licence: str
     load: Callable[[], tuple[ObjectModel, ...]]
+    per_scene: int = OBJECTS_PER_SCENE
+    """Objects in a scene unless the caller says otherwise."""
 
 
 OBJECT_SETS: dict[str, BuiltInSet] = {
@@ -47,6 +52,18 @@ OBJECT_SETS: dict[str, BuiltInSet] = {
         licence="MIT",
         load=lambda: load_models(household_folder(), splits=("test",)),
     ),
+    "clutter-train": BuiltInSet(
+        description="household-train, ten in a scene: heaps and touching objects",
+        licence="MIT",
+        load=lambda: load_models(household_folder(), splits=("train",)),
+        per_scene=CLUTTER_PER_SCENE,
+    ),
+    "clutter-test": BuiltInSet(
+        description="household-test, ten in a scene",
+        licence="MIT",
+        load=lambda: load_models(household_folder(), splits=("test",)),
+        per_scene=CLUTTER_PER_SCENE,
+    ),
 }
 
 
@@ -60,6 +77,11 @@ class ObjectSetInfo:
     description: str
     folder: Path | None
     """Where an imported set lies; None for sets that come with handsight."""
+
+
+def objects_per_scene(name: str) -> int:
+    """How many objects of a set make a scene unless the caller says otherwise."""
+    return OBJECT_SETS[name].per_scene if name in OBJECT_SETS else OBJECTS_PER_SCENE
 
 
 def imported_folder(name: str) -> Path:

@@ -85,7 +85,7 @@ def read_manifest(folder: Path) -> Manifest:
         ) from error
     except (OSError, ValueError) as error:
         raise ObjectSetError(
-            f"{path} cannot be read ({error}), expected a JSON object; import the meshes again"
+            f"{path} cannot be read ({error}), expected a JSON object; delete {folder} and import the meshes again"
         ) from error
     return _parse(path, content)
 
@@ -94,13 +94,16 @@ def _parse(path: Path, content: Any) -> Manifest:
     if not isinstance(content, dict) or content.get("format") != MANIFEST_FORMAT:
         found = content.get("format") if isinstance(content, dict) else type(content).__name__
         raise ObjectSetError(
-            f"{path} has format {found!r}, expected {MANIFEST_FORMAT}; import the meshes again with this version"
+            f"{path} has format {found!r}, expected {MANIFEST_FORMAT}; delete its folder and import the meshes again "
+            "with this version"
         )
     try:
         objects = tuple(_entry(entry) for entry in content["objects"])
         return Manifest(name=str(content["name"]), settings=dict(content["settings"]), objects=objects)
     except (KeyError, TypeError, ValueError) as error:
-        raise ObjectSetError(f"{path} is incomplete ({error!r}); import the meshes again") from error
+        raise ObjectSetError(
+            f"{path} is incomplete ({error!r}); delete its folder and import the meshes again"
+        ) from error
 
 
 def _entry(content: dict[str, Any]) -> ObjectEntry:

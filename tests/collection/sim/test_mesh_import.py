@@ -17,8 +17,9 @@ from handsight.collection.sim.config import SimConfig
 from handsight.collection.sim.engine import BulletClient, connect
 from handsight.collection.sim.objects import list_object_sets, load_object_set
 from handsight.collection.sim.objects.cache import CACHE_VARIABLE, cache_root
-from handsight.collection.sim.objects.meshes.importer import ImportSettings, import_folder
-from handsight.collection.sim.objects.meshes.mesh_file import find_meshes, object_names
+from handsight.collection.sim.objects.meshes.finding import find_meshes, object_names
+from handsight.collection.sim.objects.meshes.importer import import_folder
+from handsight.collection.sim.objects.meshes.plan import ImportSettings
 from handsight.collection.sim.station import SimStation
 
 
@@ -100,7 +101,7 @@ def test_importing_twice_changes_nothing(meshes: Path) -> None:
 
 def test_a_decomposition_has_the_same_bytes_again(meshes: Path) -> None:
     pair = block()
-    pair.apply_translation((0.2, 0, 0))
+    pair.apply_translation((0.0605, 0, 0))
     pair += block()
     pair.export(meshes / "pair.stl")
     first, second = (import_folder(meshes, name) for name in ("one", "two"))

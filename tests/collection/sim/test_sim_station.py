@@ -11,7 +11,7 @@ import pytest
 
 from handsight.collection.attempt import attempt_seed, run_attempt
 from handsight.collection.errors import ObjectSetError, PhaseAbortedError, StationSettingsError, UnreachableError
-from handsight.collection.policy import UniformPolicy
+from handsight.collection.policy import Pregrasp, UniformPolicy
 from handsight.collection.sim.config import SimConfig
 from handsight.collection.sim.station import SimStation, SimStationFactory
 from handsight.datasets.records import PHASES, GraspAttempt, Outcome, SceneObjects
@@ -33,8 +33,8 @@ class Fixed:
     def __init__(self, pose: PlanarPose) -> None:
         self.pose = pose
 
-    def choose(self, station: object, scene: SceneObjects | None, rng: np.random.Generator) -> PlanarPose:
-        return self.pose
+    def choose(self, station: object, scene: SceneObjects | None, rng: np.random.Generator) -> Pregrasp:
+        return Pregrasp(pose=self.pose)
 
 
 def content(record: Any) -> Any:
@@ -167,5 +167,5 @@ def test_unknown_object_sets_name_the_known_ones() -> None:
 
 
 def test_more_objects_than_the_set_has_are_refused() -> None:
-    with pytest.raises(ObjectSetError, match="100 objects"):
-        SimStation(SimConfig(objects="blocks-test", objects_per_scene=101))
+    with pytest.raises(ObjectSetError, match="10 objects"):
+        SimStation(SimConfig(objects="household-test", objects_per_scene=11))

@@ -20,7 +20,7 @@ GENERATOR_VERSION = 1
 """Raise it when a change to the generators changes an object, so that recorded datasets stay attributable."""
 
 STEEL, PLASTIC, CARD, WOOD, GLAZE, RUBBER = 0.7, 0.8, 0.8, 0.8, 0.7, 1.0
-"""Lateral friction of an object's surface; PyBullet multiplies it with that of table (0.7) or fingers (1.3)."""
+"""Lateral friction of an object's surface; PyBullet multiplies it with that of table (0.7) or fingers (1.8)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

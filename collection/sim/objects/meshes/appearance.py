@@ -34,16 +34,35 @@ def appearance(mesh: trimesh.Trimesh, name: str) -> tuple[Skin, NDArray[np.uint8
 
 def _texture(visual: Any) -> tuple[NDArray[np.float64] | None, NDArray[np.uint8] | None]:
     """Texture coordinates per vertex and the picture they refer to; both or neither."""
-    material = getattr(visual, "material", None)
-    picture = getattr(material, "image", None) or getattr(material, "baseColorTexture", None)
-    uv = getattr(visual, "uv", None)
-    if picture is None or uv is None:
+    picture = _picture(visual)
+    if picture is None:
         return None, None
     image = np.asarray(picture.convert("RGB"), dtype=np.uint8)
     shrink = min(1.0, MAX_TEXTURE_PX / max(image.shape[:2]))
     if shrink < 1.0:
-        image = np.asarray(cv2.resize(image, None, fx=shrink, fy=shrink, interpolation=cv2.INTER_AREA), np.uint8)
-    return np.asarray(uv, np.float64), image
+        height, width = (max(1, round(side * shrink)) for side in image.shape[:2])
+        image = np.asarray(cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA), np.uint8)
+    return np.asarray(visual.uv, np.float64), image
+
+
+def has_texture(mesh: trimesh.Trimesh) -> bool:
+    """Whether a picture covers the surface."""
+    return _picture(mesh.visual) is not None
+
+
+def lacks_coordinates(mesh: trimesh.Trimesh) -> bool:
+    """Whether there is a picture for the surface, and no telling what of it goes where."""
+    return _material_picture(mesh.visual) is not None and not has_texture(mesh)
+
+
+def _picture(visual: Any) -> Any:
+    """The Pillow image that texture coordinates refer to; None where there is no image or there are no coordinates."""
+    return None if getattr(visual, "uv", None) is None else _material_picture(visual)
+
+
+def _material_picture(visual: Any) -> Any:
+    material = getattr(visual, "material", None)
+    return getattr(material, "image", None) or getattr(material, "baseColorTexture", None)
 
 
 def _colour(visual: Any) -> Colour | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import io
 import logging
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +12,12 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-SUFFIXES = (".glb", ".obj", ".ply", ".stl")
+from handsight.collection.sim.objects.meshes.appearance import lacks_coordinates
+from handsight.collection.sim.objects.meshes.companions import Companions
+from handsight.collection.sim.objects.meshes.fault import MeshFault, shown
+from handsight.collection.sim.objects.meshes.glb import check_glb
+from handsight.collection.sim.objects.meshes.solid import Solid, make_solid
+
 MAX_FILE_BYTES = 200_000_000
 MAX_TRIANGLES = 100_000
 """Pictures are drawn by software: more triangles than this per object would take most of an attempt's time."""
@@ -24,88 +30,100 @@ _USUAL_EXTENT_M = 0.15
 logging.getLogger("trimesh").addHandler(logging.NullHandler())
 
 
-class MeshFault(Exception):  # noqa: N818 -- a finding about one file, collected into a MeshImportError, never raised to users
-    """Why one file cannot be used."""
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class CheckedMesh:
-    """A closed surface in metres."""
+    """A file that can become an object, in metres."""
 
-    path: Path
-    sha256: str
-    surface: trimesh.Trimesh
-    """Vertices merged, normals outwards, scaled; for volume and decomposition."""
+    sha256: dict[Path, str]
+    """Of the mesh file, which comes first, and of each material and texture file that was read for it."""
+    solid: Solid
+    """For volume and decomposition."""
     looks: trimesh.Trimesh
-    """As in the file, scaled: with its texture coordinates and colours."""
-
-    @property
-    def volume_m3(self) -> float:
-        """Enclosed volume."""
-        return float(self.surface.volume)
+    """As in the file, scaled, faces outwards: with its texture coordinates and colours."""
 
 
-def find_meshes(folder: Path, pattern: str) -> list[Path]:
-    """Mesh files below ``folder`` that match ``pattern``, in the order of their paths."""
-    return sorted(path for path in folder.glob(pattern) if path.suffix.lower() in SUFFIXES and path.is_file())
-
-
-def object_names(folder: Path, paths: list[Path]) -> list[str]:
-    """A name for each mesh: its path below ``folder``, without what all paths have in common.
-
-    ``025_mug/google_16k/textured.obj`` among other objects of YCB becomes ``025_mug``.
-    """
-    routes = [path.relative_to(folder).with_suffix("").parts for path in paths]
-    alike = len({len(route) for route in routes}) == 1 and len(routes) > 1
-    kept = [
-        [step for depth, step in enumerate(route) if not alike or len({other[depth] for other in routes}) > 1]
-        for route in routes
-    ]
-    kept = [steps or [route[-1]] for steps, route in zip(kept, routes, strict=True)]
-    # Anything but plain characters would have to be escaped in URDF and on the command line.
-    return ["-".join("".join(c if c.isalnum() or c in "._" else "-" for c in step) for step in route) for route in kept]
-
-
-def check_mesh(path: Path, scale: float) -> CheckedMesh:
+def check_mesh(path: Path, *, root: Path, scale: float, plain: bool = False) -> CheckedMesh:
     """Read a file.
+
+    Args:
+        path: the mesh.
+        root: the folder outside which nothing is read.
+        scale: metres per unit of the file.
+        plain: leave materials, textures and colours unread.
 
     Raises:
         MeshFault: it cannot be used, with the reason and what to do about it.
     """
-    size = path.stat().st_size
-    if size == 0:
-        raise MeshFault("the file is empty")
-    if size > MAX_FILE_BYTES:
-        raise MeshFault(
-            f"the file has {size / 1e6:.0f} MB, expected at most {MAX_FILE_BYTES / 1e6:.0f} MB; decimate it"
-        )
-    looks = _load(path)
-    _check_triangles(looks)
+    content = _content(path)
+    companions = Companions(path, root)
+    looks = _load(path, content, companions, plain=plain)
     looks.vertices = looks.vertices * scale
     _check_extent(looks.extents, scale)
-    surface = trimesh.Trimesh(vertices=looks.vertices, faces=looks.faces, process=True)
-    surface.merge_vertices()
-    _check_closed(surface)
-    return CheckedMesh(path=path, sha256=hashlib.sha256(path.read_bytes()).hexdigest(), surface=surface, looks=looks)
+    solid = make_solid(looks)
+    digests = {path: hashlib.sha256(content).hexdigest(), **companions.sha256}
+    return CheckedMesh(sha256=digests, solid=solid, looks=looks)
 
 
-def _load(path: Path) -> trimesh.Trimesh:
+def _content(path: Path) -> bytes:
     try:
-        loaded = trimesh.load(path, force="mesh", process=False)
+        size = path.stat().st_size
+        if size == 0:
+            raise MeshFault("the file is empty")
+        if size > MAX_FILE_BYTES:
+            raise MeshFault(
+                f"the file has {size / 1e6:.0f} MB, expected at most {MAX_FILE_BYTES / 1e6:.0f} MB; decimate it"
+            )
+        return path.read_bytes()
+    except OSError as error:
+        raise MeshFault(f"cannot be read ({error.strerror})") from error
+
+
+def _load(path: Path, content: bytes, companions: Companions, *, plain: bool) -> trimesh.Trimesh:
+    """One mesh with normals of its own shape, and with looks unless ``plain``."""
+    kind = path.suffix.lower().removeprefix(".")
+    if kind == "glb":
+        check_glb(content, textures=not plain)
+    try:
+        scene = trimesh.load_scene(
+            io.BytesIO(content), file_type=kind, resolver=companions, process=False, skip_materials=plain
+        )
     except Exception as error:
+        companions.check()
         # trimesh's readers raise whatever a broken file leads them into.
-        raise MeshFault(f"cannot be read ({type(error).__name__}: {error})") from error
-    if not isinstance(loaded, trimesh.Trimesh) or len(loaded.faces) == 0:
-        raise MeshFault("has no triangles")
-    return loaded
+        raise MeshFault(f"cannot be read ({type(error).__name__}: {shown(str(error))[:200]})") from error
+    companions.check()
+    _check_triangles(scene)
+    whole = scene.to_mesh()
+    # Normals that a file brings may be missing, broken, or turned with the faces; colours may not be wanted.
+    return trimesh.Trimesh(
+        vertices=whole.vertices, faces=whole.faces, visual=None if plain else whole.visual, process=False
+    )
 
 
-def _check_triangles(mesh: trimesh.Trimesh) -> None:
+def _check_triangles(scene: trimesh.Scene) -> None:
+    """Every copy that the file's graph places counts: a small file can ask for many."""
+    placed = [scene.geometry[scene.graph[node][1]] for node in scene.graph.nodes_geometry]
+    meshes = [mesh for mesh in placed if isinstance(mesh, trimesh.Trimesh)]
+    triangles = sum(len(mesh.faces) for mesh in meshes)
+    if triangles == 0:
+        raise MeshFault("has no triangles; it is empty, cut off, or of another format than its name says")
+    if triangles > MAX_TRIANGLES:
+        raise MeshFault(f"has {triangles} triangles, expected at most {MAX_TRIANGLES}; decimate it")
+    for mesh in meshes:
+        _check_arrays(mesh)
+
+
+def _check_arrays(mesh: trimesh.Trimesh) -> None:
     bad = int((~np.isfinite(mesh.vertices)).any(axis=1).sum())
     if bad:
         raise MeshFault(f"{bad} of {len(mesh.vertices)} vertices are not finite; repair or leave out the mesh")
-    if len(mesh.faces) > MAX_TRIANGLES:
-        raise MeshFault(f"has {len(mesh.faces)} triangles, expected at most {MAX_TRIANGLES}; decimate it")
+    wild = int(((mesh.faces < 0) | (mesh.faces >= len(mesh.vertices))).any(axis=1).sum()) if len(mesh.faces) else 0
+    if wild:
+        raise MeshFault(f"{wild} of {len(mesh.faces)} triangles name vertices beyond the {len(mesh.vertices)} it has")
+    uv = getattr(mesh.visual, "uv", None)
+    complete = uv is None or (np.shape(uv) == (len(mesh.vertices), 2) and np.isfinite(uv).all())
+    if not complete or lacks_coordinates(mesh):
+        raise MeshFault("has texture coordinates that are missing or not finite; pass --plain to do without looks")
 
 
 def _check_extent(extent_m: NDArray[np.float64], scale: float) -> None:
@@ -124,19 +142,3 @@ def _hint(largest_m: float, scale: float) -> str:
         if LARGEST_EXTENT_M[0] <= largest_m * factor <= LARGEST_EXTENT_M[1]:
             return f"if the file is in {unit}, pass --scale {scale * factor:g}"
     return f"--scale {scale * _USUAL_EXTENT_M / largest_m:.2g} would make it {_USUAL_EXTENT_M} m long"
-
-
-def _check_closed(surface: trimesh.Trimesh) -> None:
-    if not surface.is_watertight:
-        edges, uses = np.unique(surface.edges_sorted, axis=0, return_counts=True)
-        open_edges = int((uses != 2).sum())
-        raise MeshFault(
-            f"is not watertight: {open_edges} of {len(edges)} edges do not join two triangles; close its holes, "
-            "for example with MeshLab or `trimesh.repair`"
-        )
-    if not surface.is_winding_consistent:
-        raise MeshFault("is not watertight: neighbouring triangles face opposite ways; make its normals consistent")
-    if surface.volume < 0:
-        surface.invert()
-    if surface.volume <= 0:
-        raise MeshFault("encloses no volume")

@@ -1,0 +1,115 @@
+"""Attempts that a trained network chooses: on-policy data, rich in the mistakes that the network still makes."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable
+from dataclasses import asdict, dataclass, field
+from functools import lru_cache
+from typing import Protocol
+
+import numpy as np
+
+from handsight.collection.errors import CollectionSettingsError, UnreachableError
+from handsight.collection.policy import Pregrasp, UniformPolicy
+from handsight.collection.station import Station
+from handsight.datasets.materialize import station_view
+from handsight.datasets.records import SceneObjects
+from handsight.servoing.loop import ServoSettings, ServoTrace, servo
+from handsight.servoing.objective import ScoreInputs
+from handsight.servoing.optimiser import Method
+from handsight.servoing.planar import PlanarPose
+from handsight.servoing.view import View
+
+
+class OpensNetwork(Hashable, Protocol):
+    """Opens the network of a policy in any process. Equal ones open equal networks; must survive pickling."""
+
+    @property
+    def sha256(self) -> str:
+        """Of the network's weights."""
+
+    def __call__(self) -> ScoreInputs:
+        """Open it."""
+
+
+@lru_cache(maxsize=1)
+def _opened(open_network: OpensNetwork) -> ScoreInputs:
+    """The policy comes pickled with every attempt; its network is opened once in a process."""
+    return open_network()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ServoPolicy:
+    """Servo from a uniformly drawn pose, as in evaluation; a share of the attempts grasps from that pose at once."""
+
+    open_network: OpensNetwork
+    name: str
+    """Name of the servo method."""
+    method: Method
+    random_share: float = 0.3
+    """Share of uniform grasps: without them a network would never learn what it has come to avoid."""
+    start: UniformPolicy = field(default_factory=UniformPolicy)
+    servo: ServoSettings = field(default_factory=ServoSettings)
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.random_share <= 1:
+            raise CollectionSettingsError(f"random_share is {self.random_share}, expected 0 to 1")
+
+    def settings(self) -> dict[str, object]:
+        """Method, share, thresholds, and the network by the hash of its weights."""
+        return {
+            "name": "servo",
+            "method": self.name,
+            "weights_sha256": self.open_network.sha256,
+            "random_share": self.random_share,
+            "half_range_m": self.start.half_range_m,
+            "servo": asdict(self.servo),
+        }
+
+    def choose(self, station: Station, scene: SceneObjects | None, rng: np.random.Generator) -> Pregrasp:
+        """Draw a pose and, unless the attempt is one of the random share, servo from it.
+
+        Raises:
+            UnreachableError: the pose drawn cannot be reached.
+        """
+        drawn = self.start.choose(station, scene, rng)
+        if rng.random() < self.random_share:
+            return drawn
+        station.reach(drawn.pose)
+        score_inputs = _opened(self.open_network)
+        trace = servo_on_station(station, score_inputs, self.method, name=self.name, settings=self.servo, rng=rng)
+        return Pregrasp(pose=trace.grasp_pose, predicted_success=trace.grasp_score)
+
+
+def servo_on_station(
+    station: Station,
+    score_inputs: ScoreInputs,
+    method: Method,
+    *,
+    name: str,
+    settings: ServoSettings,
+    rng: np.random.Generator,
+) -> ServoTrace:
+    """Servo from wherever the gripper stands. Steps out of reach are not taken.
+
+    Args:
+        station: The robot, its gripper at the pre-grasp height.
+        score_inputs: The network.
+        method: How to climb its predictions.
+        name: What the trace calls the method.
+        settings: When to stop.
+        rng: Source of the method's randomness.
+    """
+
+    def look() -> tuple[View, PlanarPose]:
+        snapshot = station.look()
+        return station_view(snapshot, station.card), PlanarPose.from_pose_base_tool(snapshot.pose_base_tool)
+
+    def move(pose: PlanarPose) -> bool:
+        try:
+            station.reach(pose)
+        except UnreachableError:
+            return False
+        return True
+
+    return servo(look, move, score_inputs, method, name=name, settings=settings, rng=rng)
