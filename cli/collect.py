@@ -47,12 +47,12 @@ def collect_sim(
         Literal["uniform", "servo"], typer.Option(help="Who chooses where to grasp: chance, or a trained network.")
     ] = "uniform",
     model: Annotated[Path | None, typer.Option(metavar="RUN", help="Network of the servo policy.")] = None,
-    method: Annotated[str | None, typer.Option(help="Servo method of the servo policy. [default: cem-1]")] = None,
+    method: Annotated[str | None, typer.Option(help="Servo method of the servo policy; cem-1 unless given.")] = None,
     random_share: Annotated[
-        float | None, typer.Option(help="Share of attempts that the servo policy leaves to chance. [default: 0.3]")
+        float | None, typer.Option(help="Share of attempts that the servo policy leaves to chance; 0.3 unless given.")
     ] = None,
     threshold: Annotated[
-        float | None, typer.Option(help="Predicted success at which the servo policy grasps. [default: 0.95]")
+        float | None, typer.Option(help="Predicted success at which the servo policy grasps; 0.95 unless given.")
     ] = None,
     shakes: Annotated[int, typer.Option(help="Shakes after the lift; section III-B has three.")] = 0,
     pregrasp_picture: Annotated[
@@ -67,7 +67,7 @@ def collect_sim(
         str | None,
         typer.Option(
             metavar="HOST:PORT",
-            help="Head of the Ray cluster. [default: $RAY_ADDRESS, or a cluster of this machine alone]",
+            help="Head of the Ray cluster; unless given $RAY_ADDRESS, or else a cluster of this machine alone.",
         ),
     ] = None,
     as_json: Json = False,

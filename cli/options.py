@@ -16,5 +16,5 @@ Workers = Annotated[int, typer.Option("--workers", "-w", help="Processes, each w
 Objects = Annotated[str, typer.Option("--objects", metavar="SET", help="Object set; see 'handsight objects ls'.")]
 PerScene = Annotated[
     int | None,
-    typer.Option("--objects-per-scene", help="Objects in a scene. [default: 5; 10 for the clutter sets]"),
+    typer.Option("--objects-per-scene", help="Objects in a scene; unless given 5, and 10 for the clutter sets."),
 ]

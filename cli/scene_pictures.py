@@ -34,6 +34,8 @@ def picture_command(
     """Draw the whole simulated station from outside: arm, table and a scene of objects."""
     if out.suffix.lower() != ".png":
         raise CommandError(f"--out is {out}, expected a file name that ends in .png")
+    if not out.parent.is_dir():
+        raise CommandError(f"--out is {out}, and there is no folder {out.parent}: create it first")
     picture = station_picture(sim_station(objects).config, seed)
     done, contents = cv2.imencode(".png", cv2.cvtColor(picture, cv2.COLOR_RGB2BGR))
     if not done:

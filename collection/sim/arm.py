@@ -73,9 +73,12 @@ class Arm:
 
     @property
     def width_m(self) -> float:
-        """Opening between the jaws [m]."""
+        """Opening between the jaws [m], as a gripper reports it: between closed and the stroke.
+
+        The engine's joint limits are soft, and fingers under load pass them by up to some millimetres.
+        """
         states = self._engine.getJointStates(self.body, self._fingers)
-        return float(states[0][0] + states[1][0])
+        return min(max(float(states[0][0] + states[1][0]), 0.0), self._config.gripper_stroke_m)
 
     @property
     def finger_speed_m_s(self) -> float:

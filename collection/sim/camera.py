@@ -127,7 +127,8 @@ def render(
     rgb, depth_m = table_rgb, table_depth_m
     if sense is not None:
         depth_m = sense(depth_m)
-    return rgb, np.rint(depth_m / depth_scale_m).astype(np.uint16)
+    np.divide(depth_m, depth_scale_m, out=depth_m)
+    return rgb, np.rint(depth_m, out=depth_m).astype(np.uint16)
 
 
 def render_objects(

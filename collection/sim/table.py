@@ -56,7 +56,8 @@ class TableTop:
         rgb = cv2.warpPerspective(
             self.texture, homography, size, flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP, borderMode=cv2.BORDER_REFLECT
         )
-        rgb = cv2.convertScaleAbs(rgb, alpha=brightness)
+        if brightness != 1.0:
+            rgb = cv2.convertScaleAbs(rgb, alpha=brightness)
         return np.asarray(rgb, dtype=np.uint8), plane_depth_m(intrinsics, pose_base_camera)
 
     def _texture_from_pixel(self, intrinsics: Intrinsics, pose_base_camera: NDArray[np.float64]) -> NDArray[np.float64]:

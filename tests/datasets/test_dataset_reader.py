@@ -142,7 +142,7 @@ def test_sessions_with_and_without_seed_share_a_table(dataset: GraspDataset) -> 
 
 def test_a_file_that_goes_away_while_bytes_are_counted_is_none(dataset: GraspDataset) -> None:
     before = dataset.info().bytes
-    (Path(dataset.repository.path) / "chunks" / "ABC#1").symlink_to("renamed since")
+    (dataset.repository.folder / "chunks" / "ABC#1").symlink_to("renamed since")
     assert dataset.info().bytes == before
 
 

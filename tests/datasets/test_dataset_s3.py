@@ -126,7 +126,8 @@ def test_two_who_begin_the_same_session_cannot_both_win() -> None:
         writer.append(make_attempt(header, 0))
     stale = two.repository.writable("main")
     one.commit()
-    two.repository.writable = lambda branch: stale  # type: ignore[method-assign]  # Its tip has moved meanwhile.
+    # Its tip has moved meanwhile.
+    two.repository.writable = lambda branch, **_: stale  # type: ignore[method-assign]
     with pytest.raises(SessionConflictError, match="already holds session"):
         two.commit()
     assert len(GraspDataset.open(ADDRESS).attempts) == 1

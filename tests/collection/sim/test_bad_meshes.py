@@ -246,10 +246,13 @@ def test_links_out_of_the_folder_are_not_followed(
     (meshes / "skin.png").symlink_to("/etc/passwd")
     (meshes / "skin.mtl").write_text("newmtl m\nmap_Kd skin.png\n")
     (meshes / "skinned.obj").write_bytes(pyramid("skin.mtl"))
+    (meshes / "round.mtl").symlink_to(meshes / "round.mtl")
+    (meshes / "rounded.obj").write_bytes(pyramid("round.mtl"))
     first, *lines = refused(capsys, meshes)
-    assert "4 of 6 meshes" in first
+    assert "5 of 7 meshes" in first
     said = dict(line.strip().split(": ", 1) for line in lines)
-    assert said.keys() == {"out.stl", "nowhere.stl", "round.stl", "skinned.obj"}
+    assert said.keys() == {"out.stl", "nowhere.stl", "round.stl", "skinned.obj", "rounded.obj"}
+    assert said["rounded.obj"].startswith("names 'round.mtl', which Symlink loop")
     assert said["out.stl"].startswith("is a link out of the folder")
     assert said["nowhere.stl"].startswith("is a link that leads nowhere")
     assert said["skinned.obj"].startswith("names 'skin.png', which is outside the folder")

@@ -36,6 +36,7 @@ from handsight.collection.sim.objects.urdf import RigidObject, mass_properties
 from handsight.collection.sim.scene import Scene
 from handsight.collection.sim.station import SimStation
 from handsight.collection.sim.table import add_table
+from handsight.collection.sim.variety import Variety
 from handsight.datasets.records import SceneObjects
 
 EVERYTHING = (*TRAIN, *TEST)
@@ -79,7 +80,14 @@ def vertices_m(model: RigidObject) -> NDArray[np.float64]:
 
 def test_sets_have_the_sizes_that_are_promised() -> None:
     sizes = {info.name: info.objects for info in list_object_sets() if info.folder is None}
-    assert sizes == {"blocks-train": 899, "blocks-test": 100, "household-train": 30, "household-test": 10}
+    assert sizes == {
+        "blocks-train": 899,
+        "blocks-test": 100,
+        "household-train": 30,
+        "household-test": 10,
+        "clutter-train": 30,
+        "clutter-test": 10,
+    }
 
 
 def test_blocks_leave_out_the_broken_shape_and_keep_their_split() -> None:
@@ -276,7 +284,7 @@ def test_dropped_objects_come_to_rest(engine: BulletClient, name: str) -> None:
         engine.setGravity(0, 0, -9.81)
         add_table(engine)
         scene = Scene(engine, config)
-        scene.drop([models[index] for index in rng.choice(len(models), 5, replace=False)], rng)
+        scene.drop([models[index] for index in rng.choice(len(models), 5, replace=False)], rng, Variety())
         assert scene.settle() <= 3.0 * config.physics_hz
         assert (scene.poses()[:, 2] > 0).all()
 

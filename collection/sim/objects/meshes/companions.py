@@ -49,7 +49,8 @@ class Companions(Resolver):
             content = path.read_bytes()
             if path.suffix.lower() not in _NOT_PICTURES:
                 check_picture(content)
-        except (MeshFault, OSError) as error:
+        except (MeshFault, OSError, RuntimeError, ValueError) as error:
+            # Links that lead in circles are a RuntimeError of pathlib, names with a zero byte a ValueError.
             reason = error.strerror if isinstance(error, OSError) else str(error)
             self.faults.append(f"names {shown(key.strip())!r}, which {reason}")
             raise FileNotFoundError(key) from error
