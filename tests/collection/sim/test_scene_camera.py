@@ -17,7 +17,7 @@ from handsight.collection.policy import UniformPolicy
 from handsight.collection.sim.arm_model import FLANGE_TO_TIP_M
 from handsight.collection.sim.config import SimConfig
 from handsight.collection.sim.diorama import Diorama
-from handsight.collection.sim.scene_camera import SceneCamera, Viewpoint, pose_looking_at
+from handsight.collection.sim.scene_camera import LAMP_M, SceneCamera, Viewpoint, pose_looking_at
 from handsight.collection.sim.station import SimStation
 from handsight.collection.sim.table import TABLE_CENTRE_M, TABLE_HALF_SIZE_M, wooden_table
 from handsight.datasets.records import SceneObjects
@@ -85,13 +85,18 @@ def test_objects_of_the_scene_before_are_gone(camera: SceneCamera, empty: NDArra
     np.testing.assert_array_equal(camera.picture(TOOL, STROKE_M, scene_of()), empty)
 
 
-def test_the_shadow_falls_away_from_the_lamp(camera: SceneCamera, empty: NDArray[np.uint8]) -> None:
-    """Seen on bare table beside an object, on the side that the lamp cannot see."""
-    x_m, y_m = 0.78, 0.14
-    seen = camera.picture(TOOL, STROKE_M, scene_of((0, x_m, y_m)))
-    behind, before = pixel_of((x_m - 0.055, y_m - 0.055, 0.0)), pixel_of((x_m + 0.09, y_m + 0.09, 0.0))
-    assert seen[behind].mean() < 0.9 * empty[behind].mean()
-    np.testing.assert_array_equal(seen[before], empty[before])
+def test_the_gripper_shades_the_table_where_it_stands_in_the_light(
+    camera: SceneCamera, empty: NDArray[np.uint8]
+) -> None:
+    palm_m, lamp_m = (TOOL @ (0.0, 0.0, -0.11, 1.0))[:3], np.array(LAMP_M)
+    shaded_m = lamp_m + (palm_m - lamp_m) * lamp_m[2] / (lamp_m[2] - palm_m[2])
+    aside = TOOL.copy()
+    aside[:2, 3] += 0.1, 0.25
+    elsewhere = camera.picture(aside, STROKE_M, scene_of())
+    row, column = pixel_of((shaded_m[0], shaded_m[1], 0.0))
+    assert empty[row, column].mean() < 0.8 * elsewhere[row, column].mean()
+    row, column = pixel_of((0.8, 0.5, 0.0))
+    np.testing.assert_array_equal(empty[row, column], elsewhere[row, column])
 
 
 def test_the_gripper_is_where_the_tool_pose_says(camera: SceneCamera, empty: NDArray[np.uint8]) -> None:
