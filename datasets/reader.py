@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from functools import cached_property, partial
 from typing import Any
 
@@ -79,7 +79,7 @@ class GraspDataset:
 
         See ``table.attempts_table`` for the columns and ``Overlay.applied_to`` for those of curation.
         """
-        return self.overlay.applied_to(attempts_table(self._lazy_columns()))
+        return self._table(self._lazy_columns())
 
     def table(self, *names: str) -> pd.DataFrame:
         """Some columns of :attr:`attempts`, made without the others: for a version of many attempts.
@@ -88,7 +88,7 @@ class GraspDataset:
             KeyError: There is no such column.
         """
         recorded = [name for name in names if name not in CURATED_COLUMNS]
-        curated = self.overlay.applied_to(attempts_table(self._lazy_columns(), dict.fromkeys(["success", *recorded])))
+        curated = self._table(self._lazy_columns(), dict.fromkeys(["success", *recorded]))
         return curated[list(names)]
 
     def rows(self, ids: Iterable[str]) -> pd.DataFrame:
@@ -102,7 +102,7 @@ class GraspDataset:
             numbers = np.array(sorted(one for one in wanted.get(session.ulid, ()) if one < session.attempts), np.int64)
             if len(numbers):
                 pairs.append((session, LazyColumns(partial(self._chosen, session.ulid, numbers))))
-        return self.overlay.applied_to(attempts_table(pairs))
+        return self._table(pairs)
 
     def column(self, session: str, name: str) -> NDArray[Any]:
         """One stored column of a session, as in ``schema.COLUMNS``, with the rows first.
@@ -121,7 +121,7 @@ class GraspDataset:
 
     def tail(self, count: int) -> pd.DataFrame:
         """The last rows of :attr:`attempts`, made without the others."""
-        return self.overlay.applied_to(attempts_table(self._lazy_columns(last=count)))
+        return self._table(self._lazy_columns(last=count))
 
     @cached_property
     def overlay(self) -> Overlay:
@@ -293,6 +293,12 @@ class GraspDataset:
             counted = np.bincount(self.targets(ulid), minlength=len(objects) + 1).tolist()
             counts.update(dict(zip(objects, counted, strict=False)))
         return counts
+
+    def _table(
+        self, columns: Sequence[tuple[SessionInfo, LazyColumns]], names: Iterable[str] | None = None
+    ) -> pd.DataFrame:
+        conditions = sorted({name for session in self.sessions for name in session.header.station.conditions})
+        return self.overlay.applied_to(attempts_table(columns, names, conditions=conditions))
 
     def _lazy_columns(self, last: int | None = None) -> list[tuple[SessionInfo, LazyColumns]]:
         """The sessions and their columns, or those of their last attempts, read when they are asked for."""

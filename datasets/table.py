@@ -41,7 +41,12 @@ class LazyColumns(Mapping[str, NDArray[Any]]):
         return len(COLUMNS)
 
 
-def attempts_table(sessions: Sequence[tuple[SessionInfo, Columns]], names: Iterable[str] | None = None) -> pd.DataFrame:
+def attempts_table(
+    sessions: Sequence[tuple[SessionInfo, Columns]],
+    names: Iterable[str] | None = None,
+    *,
+    conditions: Iterable[str] = (),
+) -> pd.DataFrame:
     """One row for each attempt, indexed by its id, in the order of sessions and numbers.
 
     ``success`` is missing where the attempt carries no label, ``truth_held`` where there is no truth, ``seed`` and
@@ -51,9 +56,10 @@ def attempts_table(sessions: Sequence[tuple[SessionInfo, Columns]], names: Itera
     Args:
         sessions: The sessions and what they recorded.
         names: Columns of the table to make; None for all. A million rows take a second for some of them.
+        conditions: Those that any session of the dataset varied; each is a column, whichever sessions are here.
     """
     makers = dict(TABLE)
-    for condition in sorted({name for info, _ in sessions for name in info.header.station.conditions}):
+    for condition in conditions:
         makers[condition] = _condition(condition)
     wanted = {name: makers[name] for name in (makers if names is None else names)}
     frames = [_session_table(info, columns, wanted) for info, columns in sessions if info.attempts]
