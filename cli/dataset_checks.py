@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import getpass
 import re
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Annotated
@@ -70,11 +72,11 @@ def doctor_command(
     """Check whether a version is fit to learn from; exit 1 when there are errors or warnings."""
     opened = GraspDataset.open(dataset)
     total = sum(int(opened.attempts[f"{view}_taken"].sum()) for view in VIEWS) if deep else 0
-    with progress_bar("examine", total) as bar:
+    with progress_bar("examine", total) as bar, _simulator(model, wanted=resimulate > 0) as simulate:
         found = doctor(
             opened,
             deep=deep,
-            resimulate=_simulator(model) if resimulate else None,
+            resimulate=simulate,
             resimulated=resimulate,
             seed=seed,
             on_picture=bar.advance,
@@ -131,13 +133,8 @@ def repair_command(
     if report.ok:
         console.print(f"nothing is damaged in {report.checked} attempts: no branch was made")
         return
-    done = repair(
-        opened,
-        report,
-        branch=branch,
-        author=author or getpass.getuser(),
-        resimulate=_simulator(model) if resimulate else None,
-    )
+    with _simulator(model, wanted=resimulate) as simulate:
+        done = repair(opened, report, branch=branch, author=author or getpass.getuser(), resimulate=simulate)
     if as_json:
         print_json(done)
         return
@@ -204,11 +201,17 @@ def _share_row(share: Share) -> tuple[str, str, str]:
     return share.name, str(share.attempts), f"{share.rate:.1%}" if share.attempts else "-"
 
 
-def _simulator(model: Path | None) -> ResimulateAttempt:
-    """Imported here: PyBullet takes a while, and only two commands may need it."""
+@contextmanager
+def _simulator(model: Path | None, *, wanted: bool) -> Iterator[ResimulateAttempt | None]:
+    """What simulates attempts again, if that is wanted."""
+    if not wanted:
+        yield None
+        return
+    # Imported here: PyBullet takes a while, and only two commands may need it.
     from handsight.cli.resimulate import Resimulator
 
-    return Resimulator(model)
+    with closing(Resimulator(model)) as resimulate:
+        yield resimulate
 
 
 def _moment(text: str) -> datetime:

@@ -12,13 +12,13 @@ import torch
 from handsight.cli.failures import CommandError
 from handsight.collection.policy import PregraspPolicy, UniformPolicy
 from handsight.collection.servo_policy import ServoPolicy
-from handsight.evaluation.methods import SERVO_METHODS
+from handsight.evaluation.methods import SERVO_METHODS, servo_method
 from handsight.servoing.homography import InputGrid
 from handsight.servoing.loop import ServoSettings
 from handsight.servoing.objective import ScoreInputs
-from handsight.training.run import WEIGHTS, load_run
+from handsight.training.run import WEIGHTS, load_run, load_scorer
 
-POLICIES = ("uniform", "servo")
+DEFAULT_METHOD = "cem-1"
 DEFAULT_RANDOM_SHARE = 0.3
 
 
@@ -37,7 +37,7 @@ class RunNetwork:
             CheckpointError: The run is gone or damaged.
         """
         torch.set_num_threads(1)
-        return load_run(self.folder).scorer()
+        return load_scorer(self.folder)
 
 
 def policy_named(
@@ -48,6 +48,7 @@ def policy_named(
     Raises:
         CommandError: Options that do not go together.
         CheckpointError: The run is missing or damaged.
+        UnknownMethodError: There is no such servo method.
         CollectionSettingsError: The random share is no share.
     """
     if name != "servo":
@@ -58,14 +59,13 @@ def policy_named(
         return UniformPolicy()
     if model is None:
         raise CommandError("--policy servo needs a trained network: name its folder with --model RUN")
-    chosen = "cem-1" if method is None else method
-    if chosen not in SERVO_METHODS:
-        raise CommandError(f"method is {chosen!r}, expected one of: {', '.join(SERVO_METHODS)}")
+    chosen = DEFAULT_METHOD if method is None else method
+    climb = servo_method(chosen)
     run = load_run(model)
     return ServoPolicy(
         open_network=_network(model),
         name=chosen,
-        method=SERVO_METHODS[chosen],
+        method=climb,
         random_share=DEFAULT_RANDOM_SHARE if random_share is None else random_share,
         servo=ServoSettings(grid=run.grid, **({} if threshold is None else {"threshold": threshold})),
     )

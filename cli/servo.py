@@ -16,7 +16,7 @@ from handsight.cli.output import console, progress_bar
 from handsight.cli.scene_pictures import servo_pictures
 from handsight.cli.stations import sim_station
 from handsight.evaluation.evaluate import BenchFactory, record_trial
-from handsight.evaluation.methods import SERVO_METHODS, check_methods
+from handsight.evaluation.methods import servo_method
 from handsight.evaluation.trial import TrialRecording
 from handsight.servoing.heatmap import Heatmap, grasp_heatmap
 from handsight.servoing.loop import ServoSettings
@@ -38,9 +38,7 @@ def servo_command(
     ] = False,
 ) -> None:
     """Servo once from a random pose, grasp, and record every step."""
-    check_methods([method])
-    if method not in SERVO_METHODS:
-        raise CommandError(f"method is {method!r}, which does not servo, expected one of: {', '.join(SERVO_METHODS)}")
+    servo_method(method)
     simulated = sim_station(objects)
     factory = BenchFactory(open_station=simulated, run=model)
     recording = record_trial(factory, method, trial, seed=seed, servo=ServoSettings(threshold=threshold))

@@ -5,7 +5,7 @@ DatasetError
 ├── DatasetNotFoundError (FileNotFoundError)   no folder at that path
 ├── DatasetExistsError (FileExistsError)       creation where a dataset already is
 ├── NotADatasetError (NotADirectoryError)      a file or a foreign folder where a dataset is wanted
-├── SchemaError (ValueError)                   a dataset newer than this version of handsight can read
+├── SchemaError (ValueError)                   a dataset of a newer schema, or of an older one and not migrated
 ├── RefNotFoundError (LookupError)             no release, branch or snapshot of that name
 ├── RefNameError (ValueError)                  a name that a release cannot take
 ├── AttemptNotFoundError (LookupError)         no such attempt in this version of the dataset
@@ -52,7 +52,7 @@ class NotADatasetError(DatasetError, NotADirectoryError):
 
 
 class SchemaError(DatasetError, ValueError):
-    """The dataset is newer than this version of handsight can read."""
+    """The dataset has a newer schema than this handsight reads, or an older one and was not migrated."""
 
 
 class RefNotFoundError(DatasetError, LookupError):

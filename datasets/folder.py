@@ -66,13 +66,14 @@ def check_schema(path: Place, version: object) -> None:
         )
 
 
-def check_current(path: Place, ref: str, version: object) -> None:
-    """Refuse a version of another schema than this handsight writes, older ones included.
+def check_current(path: Place, ref: str, root: zarr.Group) -> None:
+    """Refuse a version of another schema than this handsight writes, older ones included; ``root`` is its root group.
 
     Raises:
         NotADatasetError: The store was not written by handsight.
         SchemaError: It has another schema.
     """
+    version = root.attrs.asdict().get("schema_version")
     check_schema(path, version)
     if version != SCHEMA_VERSION:
         raise SchemaError(

@@ -47,7 +47,7 @@ def migrate(repository: GraspRepository, branch: str, *, ref: str = DEFAULT_REF)
         return None
     create_branch(repository, branch, ref)
     try:
-        change = repository.writable(branch, any_schema=True)
+        change = repository.writable(branch)
         with engine_errors(f"cannot migrate {repository.path}"):
             root = zarr.open_group(change.store, mode="r+")
             for version in range(before, SCHEMA_VERSION):

@@ -51,7 +51,7 @@ class GraspDataset:
         self.ref = ref
         self.snapshot_id = repository.resolve(ref)
         self._root = repository.root(self.snapshot_id)
-        check_current(repository.path, ref, self._root.attrs.asdict().get("schema_version"))
+        check_current(repository.path, ref, self._root)
         self._sessions = {session.ulid: session for session in read_sessions(self._root)}
 
     @classmethod

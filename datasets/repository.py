@@ -32,7 +32,7 @@ from handsight.datasets.errors import (
     RefNotFoundError,
     SessionConflictError,
 )
-from handsight.datasets.folder import check_current, check_schema, is_engine_folder, refuse_occupied, write_empty
+from handsight.datasets.folder import check_schema, is_engine_folder, refuse_occupied, write_empty
 from handsight.datasets.place import Place, S3Prefix, cache_folder, place_of, storage_at
 from handsight.datasets.releases import (
     LEDGER_BRANCH,
@@ -250,21 +250,17 @@ class GraspRepository:
             except (TypeError, ValueError) as error:
                 raise CorruptDataError(f"the root of {self.path}@{snapshot_id} is damaged: {error}") from error
 
-    def writable(self, branch: str, *, any_schema: bool = False) -> icechunk.Session:
+    def writable(self, branch: str) -> icechunk.Session:
         """A session whose changes :meth:`commit` will put onto the branch.
 
         Raises:
             RefNotFoundError: There is no such branch.
-            SchemaError: The branch has an older schema, and ``any_schema`` does not allow it.
         """
         self.check_process()
         if branch not in self._engine.list_branches():
             raise RefNotFoundError(f"{self.path} has no branch {branch!r} (branches: {', '.join(self.branches())})")
         with engine_errors(f"cannot write to branch {branch!r} of {self.path}"):
-            session = self._engine.writable_session(branch)
-        if not any_schema and branch != LEDGER_BRANCH:
-            check_current(self.path, branch, self.root(session.snapshot_id).attrs.asdict().get("schema_version"))
-        return session
+            return self._engine.writable_session(branch)
 
     def commit(
         self,

@@ -20,6 +20,7 @@ from handsight.datasets.address import DEFAULT_REF
 from handsight.datasets.blocks import Columns, PreparedAttempt, prepare, write_columns, write_pictures
 from handsight.datasets.engine import array_at, engine_errors, group_at, read_rows
 from handsight.datasets.errors import CorruptDataError, MergeError, SessionConflictError
+from handsight.datasets.folder import check_current
 from handsight.datasets.overlay import Action, Decision, append_decision, read_overlay
 from handsight.datasets.records import StationCard
 from handsight.datasets.repository import GraspRepository
@@ -70,9 +71,11 @@ def transfer(
         RecordError: An attempt cannot be recorded.
         CorruptDataError: An attempt is damaged, or is not what its digest says.
         RefNotFoundError: There is no such branch.
+        SchemaError: The branch has an older schema.
         SessionConflictError: Another process has added one of the sessions meanwhile.
     """
     root = zarr.open_group(repository.writable(branch).store, mode="r")
+    check_current(repository.path, branch, root)
     present = _digests_by_session(root)
     new = [source for source in sources if not _is_duplicate(source, present)]
     faults = _contradictions(new, present)

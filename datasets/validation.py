@@ -154,9 +154,9 @@ def _scene_faults(scene: SceneObjects | None, header: SessionHeader) -> list[str
     return faults + poses
 
 
-def _condition_faults(values: object, names: tuple[str, ...]) -> list[str]:
+def _condition_faults(values: NDArray[np.float64], names: tuple[str, ...]) -> list[str]:
     faults = _array_faults("scene.conditions", values, np.float64, (len(names),))
-    if not faults and not np.all(np.isfinite(values)):  # type: ignore[call-overload]
+    if not faults and not np.all(np.isfinite(values)):
         faults.append("scene.conditions is not finite everywhere")
     return faults
 

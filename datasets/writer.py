@@ -25,6 +25,7 @@ from handsight.datasets.errors import (
     SessionConflictError,
     SessionNotFoundError,
 )
+from handsight.datasets.folder import check_current
 from handsight.datasets.records import GraspAttempt, SessionHeader, Snapshot
 from handsight.datasets.repository import GraspRepository
 from handsight.datasets.schema import COLUMN_CHUNK_ROWS, SESSIONS, attempt_id, create_arrays, packed_rows
@@ -208,7 +209,9 @@ def _check_header(header: SessionHeader) -> None:
 
 
 def _branch_root(repository: GraspRepository, branch: str) -> zarr.Group:
-    return zarr.open_group(repository.writable(branch).store, mode="r+")
+    root = zarr.open_group(repository.writable(branch).store, mode="r+")
+    check_current(repository.path, branch, root)
+    return root
 
 
 def _copy(snapshot: Snapshot | None) -> Snapshot | None:

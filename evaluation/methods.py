@@ -21,6 +21,20 @@ SERVO_METHODS: dict[str, Method] = {
 METHODS = (RANDOM, *SERVO_METHODS)
 
 
+def servo_method(name: str) -> Method:
+    """The servo method of that name.
+
+    Raises:
+        UnknownMethodError: There is no such method, or it does not servo.
+    """
+    check_methods([name])
+    if name not in SERVO_METHODS:
+        raise UnknownMethodError(
+            f"method is {name!r}, which does not servo, expected one of: {', '.join(SERVO_METHODS)}"
+        )
+    return SERVO_METHODS[name]
+
+
 def check_methods(names: Sequence[str]) -> tuple[str, ...]:
     """The names, if every one of them is a method, none twice.
 

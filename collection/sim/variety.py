@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, fields
-from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -81,14 +80,6 @@ class Tint:
         return cls(red=float(red), green=float(green), blue=float(blue))
 
 
-class _Drawn(Protocol):
-    """A dataclass of numbers that draws itself."""
-
-    @classmethod
-    def draw(cls, rng: np.random.Generator) -> Any:
-        """Random values."""
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Variety:
     """The values of one attempt; None, or no tints, where a kind is off."""
@@ -120,7 +111,7 @@ class Variety:
         return np.array([getattr(part, field.name) for part in parts for field in fields(part)], dtype=np.float64)
 
 
-_PARTS: dict[str, type[_Drawn]] = {
+_PARTS: dict[str, type[TableLook | LampPlace | Tint | Friction | DepthNoise]] = {
     "table": TableLook,
     "light": LampPlace,
     "colour": Tint,
@@ -137,5 +128,5 @@ def condition_names(kinds: Iterable[str], objects: int) -> tuple[str, ...]:
         if kind in on:
             ends = [f"_{index}" for index in range(objects)] if kind == "colour" else [""]
             prefix = kind.replace("-", "_")
-            names += [f"{prefix}_{field.name}{end}" for end in ends for field in fields(_PARTS[kind])]  # type: ignore[arg-type]
+            names += [f"{prefix}_{field.name}{end}" for end in ends for field in fields(_PARTS[kind])]
     return tuple(names)

@@ -107,6 +107,22 @@ def mistakes(out: Path) -> dict[str, tuple[list[str], str]]:
         "objects": (["collect", "sim", new, "--objects", "blorks"], "unknown object set 'blorks'"),
         "negative attempts": (["collect", "sim", new, "-n", "-4"], "attempts is -4"),
         "no workers": (["collect", "sim", new, "-w", "0"], "workers is 0"),
+        "more objects than fit": (["collect", "sim", new, "--objects-per-scene", "60"], "no more fit"),
+        "more objects than there are": (
+            ["collect", "sim", new, "--objects", "household-test", "--objects-per-scene", "11"],
+            "has 10 objects",
+        ),
+        "variety": (["collect", "sim", new, "--vary", "colours"], "vary is 'colours', expected some of: table"),
+        "servo without a network": (["collect", "sim", new, "--policy", "servo"], "--model RUN"),
+        "a network for chance": (["collect", "sim", new, "--model", model], "--model goes with --policy servo"),
+        "a method that does not servo": (
+            ["collect", "sim", new, "--policy", "servo", "--model", model, "--method", "random"],
+            "does not servo",
+        ),
+        "a share that is none": (
+            ["collect", "sim", new, "--policy", "servo", "--model", model, "--random-share", "2"],
+            "random_share is 2.0",
+        ),
         "session again": (["collect", "sim", grasps, "-n", "40"], "--resume"),
         "methods": (["evaluate", "--model", model, "--methods", "luck"], "unknown servo method 'luck'"),
         "random servo": (["servo", "--model", model, "--method", "random"], "does not servo"),

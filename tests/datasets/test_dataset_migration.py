@@ -13,8 +13,9 @@ from typing import Any
 
 import pytest
 import zarr
-from tests.datasets.factories import make_attempt, make_header
+from tests.datasets.factories import make_attempt, make_header, record
 
+from handsight.cli.app import run
 from handsight.datasets import (
     CorruptDataError,
     GraspDataset,
@@ -27,6 +28,7 @@ from handsight.datasets import (
     verify,
 )
 from handsight.datasets.curation import Curator
+from handsight.datasets.merge import merge
 from handsight.datasets.schema import SCHEMA_VERSION
 
 GOLDEN = Path(__file__).parent / "golden"
@@ -91,8 +93,29 @@ def test_an_older_version_is_refused_with_the_command_that_helps(ref: str, tmp_p
     path = unpacked(1, tmp_path)
     with pytest.raises(SchemaError, match=f"handsight dataset migrate {path}@{ref} --branch schema-{SCHEMA_VERSION}"):
         GraspDataset.open(f"{path}@{ref}")
+    older = GraspRepository.open(path)
+    before = older.branches()
     with pytest.raises(SchemaError, match="migrate"):
-        SessionWriter.begin(GraspRepository.open(path), make_header(seed=9))
+        SessionWriter.begin(older, make_header(seed=9))
+    with pytest.raises(SchemaError, match="migrate"):
+        Curator(older, author="anna").exclude(Selection(where="number == 0"), "first of each")
+    newer = GraspRepository.create(tmp_path / "newer")
+    record(newer, make_header(seed=9), [make_attempt(make_header(seed=9), 0)])
+    with pytest.raises(SchemaError, match="migrate"):
+        merge(GraspDataset.open(str(newer.path)), older)
+    assert older.branches() == before
+
+
+def test_the_command_says_what_it_did_and_when_there_is_nothing_to_do(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = unpacked(1, tmp_path)
+    assert run(["dataset", "migrate", str(path), "--branch", "new"]) == 0
+    assert f"2 sessions brought from schema 1 to {SCHEMA_VERSION}" in " ".join(capsys.readouterr().out.split())
+    assert run(["dataset", "migrate", f"{path}@new", "--branch", "again"]) == 0
+    assert "no branch was made" in capsys.readouterr().out
+    assert run(["dataset", "info", str(path)]) == 2
+    assert "handsight dataset migrate" in capsys.readouterr().err
 
 
 def test_a_release_can_be_migrated_after_the_branch_was(tmp_path: Path) -> None:
@@ -116,7 +139,7 @@ def test_a_taken_name_changes_nothing(tmp_path: Path) -> None:
 
 def test_what_is_damaged_is_not_vouched_for(tmp_path: Path) -> None:
     repository = GraspRepository.open(unpacked(1, tmp_path))
-    change = repository.writable("main", any_schema=True)
+    change = repository.writable("main")
     session = next(iter(zarr.open_group(change.store, mode="r+")["sessions"].groups()))[1]  # type: ignore[union-attr]
     session.attrs["started"] = "1999-01-01T00:00:00+00:00"
     repository.commit(change, branch="main", message="tamper")

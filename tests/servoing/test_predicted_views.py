@@ -3,77 +3,37 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 import torch
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from tests.servoing.alignment import FULL, INNER, SKEWED, look, shift_px, write_textured_square
 
-from handsight.collection.sim.camera import camera_pose, render_objects
 from handsight.collection.sim.config import D435_ON_GRIPPER
 from handsight.collection.sim.engine import BulletClient, connect
 from handsight.collection.sim.engine import pybullet as pb
-from handsight.servoing.camera import HandCamera, Intrinsics
+from handsight.servoing.camera import HandCamera
 from handsight.servoing.homography import InputGrid, predict_inputs
 from handsight.servoing.planar import PlanarPose, PlanarStep
 from handsight.servoing.view import PreparedView, View
-
-HEIGHT_M = 0.4
-FULL = InputGrid(crop_px=300, size_px=300)
-"""No downsampling: every pixel of the prediction counts."""
-SKEWED = HandCamera(
-    intrinsics=Intrinsics(width=640, height=480, fx=600.0, fy=600.0, cx=301.0, cy=255.0),
-    x_tool_camera_m=0.02,
-    y_tool_camera_m=-0.03,
-    z_tool_camera_m=-0.12,
-)
-"""Off-centre in every way, so that no mistake of sign or offset can hide in a zero."""
 
 
 @pytest.fixture(scope="module")
 def textured_plane(tmp_path_factory: pytest.TempPathFactory) -> Iterator[BulletClient]:
     """A PyBullet world that holds nothing but a plane at z = 0 with a smooth random texture."""
-    folder = tmp_path_factory.mktemp("plane")
-    noise = np.random.default_rng(0).uniform(0, 255, (128, 128, 3)).astype(np.uint8)
-    cv2.imwrite(str(folder / "noise.png"), cv2.resize(noise, (2048, 2048), interpolation=cv2.INTER_CUBIC))
     engine = connect()
-    mesh = engine.createVisualShape(pb.GEOM_MESH, fileName=str(_write_square(folder, half_m=0.5)))
-    body = engine.createMultiBody(0, -1, mesh, (0.6, 0.0, 0.0))
-    engine.changeVisualShape(body, -1, textureUniqueId=engine.loadTexture(str(folder / "noise.png")))
+    square = write_textured_square(tmp_path_factory.mktemp("plane"))
+    engine.createMultiBody(0, -1, engine.createVisualShape(pb.GEOM_MESH, fileName=str(square)), (0.6, 0.0, 0.0))
     yield engine
     engine.disconnect()
-
-
-def _write_square(folder: Path, half_m: float) -> Path:
-    corners = [(-half_m, -half_m), (half_m, -half_m), (half_m, half_m), (-half_m, half_m)]
-    lines = [f"v {x} {y} 0" for x, y in corners]
-    lines += ["vt 0 0", "vt 1 0", "vt 1 1", "vt 0 1", "vn 0 0 1", "f 1/1/1 2/2/1 3/3/1", "f 1/1/1 3/3/1 4/4/1"]
-    path = folder / "square.obj"
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    return path
-
-
-def _look(engine: BulletClient, camera: HandCamera, pose: PlanarPose, height_m: float = HEIGHT_M) -> PreparedView:
-    rgb, depth_m = render_objects(engine, camera.intrinsics, camera_pose(camera, pose.pose_base_tool(height_m)))
-    view = View(rgb=rgb, depth_m=depth_m.astype(np.float32), camera=camera)
-    return PreparedView.from_view(view, pixels_per_cell=1)
 
 
 def _gray(inputs: torch.Tensor) -> NDArray[np.float32]:
     gray: NDArray[np.float32] = inputs[0, :3].mean(0).numpy()
     return gray
-
-
-def _shift_px(predicted: NDArray[np.float32], seen: NDArray[np.float32]) -> float:
-    """Least-squares translation between two nearly aligned pictures, after Lucas and Kanade."""
-    rows, columns = np.gradient(seen)
-    gradients = np.stack([columns.ravel(), rows.ravel()], axis=1)
-    shift, *_ = np.linalg.lstsq(gradients, (predicted - seen).ravel(), rcond=None)
-    return float(np.hypot(*shift))
 
 
 NO_STEP = torch.zeros(1, 3)
@@ -93,12 +53,11 @@ def test_prediction_matches_the_view_after_the_move(
     before = PlanarPose(x_m=0.62, y_m=0.01, angle_rad=angle_rad)
     after = before.after(PlanarStep(dx_m=dx_m, dy_m=dy_m, dangle_rad=dangle_rad))
     predicted = predict_inputs(
-        _look(textured_plane, camera, before), torch.tensor([[dx_m, dy_m, dangle_rad]]), grid=FULL
+        look(textured_plane, camera, before), torch.tensor([[dx_m, dy_m, dangle_rad]]), grid=FULL
     )
-    seen = predict_inputs(_look(textured_plane, camera, after), NO_STEP, grid=FULL)
-    inner = slice(75, 225)  # the border is extrapolated for large steps
-    a, b = _gray(predicted)[inner, inner], _gray(seen)[inner, inner]
-    assert _shift_px(a, b) < 0.05
+    seen = predict_inputs(look(textured_plane, camera, after), NO_STEP, grid=FULL)
+    a, b = _gray(predicted)[INNER, INNER], _gray(seen)[INNER, INNER]
+    assert shift_px(a, b) < 0.05
     assert np.abs(a - b).mean() < 0.01
 
 
@@ -106,12 +65,12 @@ def test_prediction_across_heights(textured_plane: BulletClient) -> None:
     """An overhead picture predicts the pre-grasp view: the same affine map with another scale."""
     overhead, pregrasp = PlanarPose(x_m=0.6, y_m=0, angle_rad=0), PlanarPose(x_m=0.63, y_m=0.02, angle_rad=0.7)
     step = overhead.step_to(pregrasp)
-    far = _look(textured_plane, SKEWED, overhead, height_m=0.5)
-    near = _look(textured_plane, SKEWED, pregrasp)
+    far = look(textured_plane, SKEWED, overhead, height_m=0.5)
+    near = look(textured_plane, SKEWED, pregrasp)
     steps = torch.tensor([[step.dx_m, step.dy_m, step.dangle_rad]])
     predicted = predict_inputs(far, steps, grid=FULL, view_plane_m=far.plane_m - 0.1)
     a, b = _gray(predicted)[75:225, 75:225], _gray(predict_inputs(near, NO_STEP, grid=FULL))[75:225, 75:225]
-    assert _shift_px(a, b) < 0.05
+    assert shift_px(a, b) < 0.05
 
 
 def test_the_middle_of_the_input_is_the_grasp_point(textured_plane: BulletClient) -> None:
@@ -120,7 +79,7 @@ def test_the_middle_of_the_input_is_the_grasp_point(textured_plane: BulletClient
     shape = textured_plane.createVisualShape(pb.GEOM_SPHERE, radius=0.006, rgbaColor=(1, 0, 0, 1))
     ball = textured_plane.createMultiBody(0, -1, shape, (pose.x_m, pose.y_m, 0.0))
     try:
-        view = _look(textured_plane, SKEWED, pose)
+        view = look(textured_plane, SKEWED, pose)
     finally:
         textured_plane.removeBody(ball)
     height_m = -predict_inputs(view, NO_STEP, grid=FULL)[0, 3].numpy()

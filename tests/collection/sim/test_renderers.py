@@ -10,13 +10,13 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 import torch
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from tests.servoing.alignment import FULL, INNER, SKEWED, look, shift_px, write_textured_square
 
 from handsight.collection.attempt import attempt_seed, run_attempt
 from handsight.collection.errors import RendererUnavailableError, StationSettingsError
@@ -38,20 +38,13 @@ from handsight.collection.sim.renderer import (
 )
 from handsight.collection.sim.station import SimStation
 from handsight.datasets.records import GraspAttempt, Snapshot
-from handsight.servoing.camera import HandCamera, Intrinsics
-from handsight.servoing.homography import InputGrid, predict_inputs
+from handsight.servoing.camera import HandCamera
+from handsight.servoing.homography import predict_inputs
 from handsight.servoing.planar import PlanarPose, PlanarStep
-from handsight.servoing.view import PreparedView, View
+from handsight.servoing.view import PreparedView
 
 NO_EGL = {"__EGL_VENDOR_LIBRARY_FILENAMES": "/nonexistent"}
 """Makes libEGL find no driver, as on a machine without one."""
-FULL = InputGrid(crop_px=300, size_px=300)
-SKEWED = HandCamera(
-    intrinsics=Intrinsics(width=640, height=480, fx=600.0, fy=600.0, cx=301.0, cy=255.0),
-    x_tool_camera_m=0.02,
-    y_tool_camera_m=-0.03,
-    z_tool_camera_m=-0.12,
-)
 
 
 @pytest.fixture(scope="module")
@@ -77,32 +70,17 @@ def no_egl(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 @pytest.fixture(scope="module")
 def textured_plane(egl: Renderer, tmp_path_factory: pytest.TempPathFactory) -> Iterator[BulletClient]:
     """A plane at z = 0 with a smooth random texture, in an engine that draws with EGL."""
-    folder = tmp_path_factory.mktemp("plane")
-    noise = np.random.default_rng(0).uniform(0, 255, (128, 128, 3)).astype(np.uint8)
-    cv2.imwrite(str(folder / "noise.png"), cv2.resize(noise, (2048, 2048), interpolation=cv2.INTER_CUBIC))
-    (folder / "noise.mtl").write_text("newmtl noise\nKd 1 1 1\nmap_Kd noise.png\n", encoding="utf-8")
-    lines = ["mtllib noise.mtl", "usemtl noise"]
-    lines += [f"v {x} {y} 0" for x, y in ((-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5))]
-    lines += ["vt 0 0", "vt 1 0", "vt 1 1", "vt 0 1", "vn 0 0 1", "f 1/1/1 2/2/1 3/3/1", "f 1/1/1 3/3/1 4/4/1"]
-    (folder / "square.obj").write_text("\n".join(lines) + "\n", encoding="utf-8")
     engine = open_engine(egl)
-    mesh = engine.createVisualShape(pb.GEOM_MESH, fileName=str(folder / "square.obj"))
-    engine.createMultiBody(0, -1, mesh, (0.6, 0.0, 0.0))
+    square = write_textured_square(tmp_path_factory.mktemp("plane"))
+    engine.createMultiBody(0, -1, engine.createVisualShape(pb.GEOM_MESH, fileName=str(square)), (0.6, 0.0, 0.0))
     yield engine
     with quiet():
         engine.disconnect()
 
 
-def _look(engine: BulletClient, camera: HandCamera, pose: PlanarPose) -> PreparedView:
-    pose_base_camera = camera_pose(camera, pose.pose_base_tool(0.4))
-    rgb, depth_m = render_objects(engine, camera.intrinsics, pose_base_camera, renderer=EGL)
-    view = View(rgb=rgb, depth_m=depth_m.astype(np.float32), camera=camera)
-    return PreparedView.from_view(view, pixels_per_cell=1)
-
-
 def _inner(view: PreparedView, step: torch.Tensor) -> NDArray[np.float32]:
     gray: NDArray[np.float32] = predict_inputs(view, step, grid=FULL)[0, :3].mean(0).numpy()
-    return gray[75:225, 75:225]
+    return gray[INNER, INNER]
 
 
 @pytest.mark.parametrize("camera", [D435_ON_GRIPPER, SKEWED], ids=["d435", "skewed"])
@@ -118,12 +96,9 @@ def test_pictures_agree_with_the_homography_to_a_twentieth_of_a_pixel(
 ) -> None:
     before = PlanarPose(x_m=0.62, y_m=0.01, angle_rad=angle_rad)
     after = before.after(PlanarStep(dx_m=dx_m, dy_m=dy_m, dangle_rad=dangle_rad))
-    predicted = _inner(_look(textured_plane, camera, before), torch.tensor([[dx_m, dy_m, dangle_rad]]))
-    seen = _inner(_look(textured_plane, camera, after), torch.zeros(1, 3))
-    rows, columns = np.gradient(seen)
-    gradients = np.stack([columns.ravel(), rows.ravel()], axis=1)
-    shift_px, *_ = np.linalg.lstsq(gradients, (predicted - seen).ravel(), rcond=None)
-    assert np.hypot(*shift_px) < 0.05
+    predicted = _inner(look(textured_plane, camera, before, renderer=EGL), torch.tensor([[dx_m, dy_m, dangle_rad]]))
+    seen = _inner(look(textured_plane, camera, after, renderer=EGL), torch.zeros(1, 3))
+    assert shift_px(predicted, seen) < 0.05
 
 
 def test_depth_of_a_plane_is_exact_to_a_tenth_of_a_millimetre(textured_plane: BulletClient) -> None:
