@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import os
+import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -13,9 +14,15 @@ import icechunk
 import numpy as np
 import zarr
 from numpy.typing import NDArray
+from zarr.errors import ZarrUserWarning
 
 from handsight.datasets.errors import CorruptDataError, StorageError
 from handsight.datasets.place import Place, S3Prefix, storage_at
+
+_NUMCODECS_NOTICE = "Numcodecs codecs are not in the Zarr version 3 specification"
+warnings.filterwarnings("ignore", _NUMCODECS_NOTICE, ZarrUserWarning)
+"""Pictures are stored with one of them (schema.py). Zarr says so whenever an array is opened, in a thread of its own,
+where only a filter of the whole process reaches it."""
 
 _MANIFEST_CHUNKS = 1024
 """Chunk references in one manifest. A commit rewrites the last manifest of each array, so without a limit the cost of a

@@ -50,7 +50,11 @@ class Arm:
         }
         for name in GRIPPER_LINKS:
             self._engine.changeDynamics(
-                self.body, links[name], lateralFriction=self._config.finger_friction, spinningFriction=0.002
+                self.body,
+                links[name],
+                lateralFriction=self._config.finger_friction,
+                spinningFriction=0.002,
+                frictionAnchor=self._config.sticky_contacts,
             )
         # PyBullet ignores mimic tags; a gear keeps the jaws centred as the linkage of a real gripper does.
         gear = self._engine.createConstraint(

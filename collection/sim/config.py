@@ -59,6 +59,9 @@ class SimConfig:
     finger_friction: float = 1.8
     """Lateral friction of the fingertips. The engine multiplies it with that of the object, 0.7 to 0.8 for most, which
     gives the 1.3 between fingers and objects of the paper (section V-B)."""
+    sticky_contacts: bool = True
+    """Fingertips hold a touched point by a spring until friction gives way (Bullet's friction anchors), where plain
+    friction creeps under load. The paper's "sticky contacts" (section V-B)."""
     physics_hz: int = 240
     solver_iterations: int = 50
     solver_residual: float = 1e-4
