@@ -5,6 +5,7 @@ from __future__ import annotations
 from handsight.datasets.address import DEFAULT_REF
 from handsight.datasets.engine import engine_errors, sync_file_system
 from handsight.datasets.errors import RefNameError, RefNotFoundError
+from handsight.datasets.refs import create_ref
 from handsight.datasets.releases import LEDGER_BRANCH, check_ref_name
 from handsight.datasets.repository import GraspRepository
 
@@ -22,8 +23,7 @@ def create_branch(repository: GraspRepository, name: str, ref: str = DEFAULT_REF
             raise RefNameError(f"{name!r} is taken in {repository.path}: choose another name for the branch")
         snapshot_id = repository.resolve(ref)
         with engine_errors(f"cannot create branch {name!r} of {repository.path}"):
-            repository.engine.create_branch(name, snapshot_id)
-        sync_file_system(repository.path)
+            create_ref(repository.engine, repository.path, "branch", name, snapshot_id)
     return snapshot_id
 
 

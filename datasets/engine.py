@@ -18,6 +18,7 @@ from zarr.errors import ZarrUserWarning
 
 from handsight.datasets.errors import CorruptDataError, StorageError
 from handsight.datasets.place import Place, S3Prefix, storage_at
+from handsight.datasets.refs import move_branch
 
 _NUMCODECS_NOTICE = "Numcodecs codecs are not in the Zarr version 3 specification"
 warnings.filterwarnings("ignore", _NUMCODECS_NOTICE, ZarrUserWarning)
@@ -69,7 +70,7 @@ def publish(
     """Move the branch to a new snapshot with the session's changes, and return its id. The caller holds the lock.
 
     What the snapshot needs is on the disk before the branch points to it, and the branch is before this returns, so
-    a power cut leaves either the old version or the new one, whole. Icechunk itself never syncs.
+    a power cut leaves either the old version or the new one, whole. Icechunk itself never syncs (refs.py).
 
     Raises:
         icechunk.RebaseFailedError: The branch has moved and its new commits touch what the session touched.
@@ -79,8 +80,7 @@ def publish(
         session.rebase(icechunk.ConflictDetector())
     snapshot_id = session.flush(message, dict(metadata))
     sync_file_system(root)
-    repository.reset_branch(branch, snapshot_id, from_snapshot_id=tip)
-    sync_file_system(root)
+    move_branch(root, branch, snapshot_id)
     return snapshot_id
 
 

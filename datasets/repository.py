@@ -16,12 +16,7 @@ import zarr
 from filelock import FileLock, Timeout
 
 from handsight.datasets.address import DEFAULT_REF
-from handsight.datasets.engine import (
-    engine_errors,
-    publish,
-    publish_shared,
-    sync_file_system,
-)
+from handsight.datasets.engine import engine_errors, publish, publish_shared, sync_file_system
 from handsight.datasets.errors import (
     CorruptDataError,
     DatasetBusyError,
@@ -34,6 +29,7 @@ from handsight.datasets.errors import (
 )
 from handsight.datasets.folder import check_schema, is_engine_folder, refuse_occupied, write_empty
 from handsight.datasets.place import Place, S3Prefix, cache_folder, place_of, storage_at
+from handsight.datasets.refs import create_ref
 from handsight.datasets.releases import (
     LEDGER_BRANCH,
     Release,
@@ -106,6 +102,7 @@ class GraspRepository:
             except OSError:
                 refuse_occupied(path)
                 raise
+        sync_file_system(path)
         return cls.open(path)
 
     @classmethod
@@ -206,12 +203,7 @@ class GraspRepository:
             ledger = self.writable(LEDGER_BRANCH)
             add_to_ledger(zarr.open_group(ledger.store, mode="r+"), release)
             self.commit(ledger, branch=LEDGER_BRANCH, message=f"release {name}")
-            try:
-                self._engine.create_tag(name, release.snapshot_id)
-            except icechunk.IcechunkError as error:
-                # Icechunk keeps a tombstone, so that a name never means two versions.
-                raise RefNameError(f"{name!r} was a release of {self.path} and was deleted: choose another") from error
-            sync_file_system(self.path)
+            create_ref(self._engine, self.path, "tag", name, release.snapshot_id)
         return release
 
     def log(self, ref: str = DEFAULT_REF) -> list[LogEntry]:

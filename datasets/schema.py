@@ -252,7 +252,9 @@ def create_frames(
     filters: tuple[ArrayArrayCodec, ...] = ()
     if height > 1 and width > 1:
         by_row = (0, 1, 3, 2) if channels else (0, 1, 2)  # Each row's reds, then its greens, then its blues.
-        filters = (TransposeCodec(order=by_row), Delta(dtype=np.dtype(dtype).str))
+        # The same bits as unsigned differences; NumPy sums signed bytes up four times as fast.
+        signed = np.dtype(dtype.removeprefix("u"))
+        filters = (TransposeCodec(order=by_row), Delta(dtype=signed.str))
     _create(
         group,
         name,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -13,9 +13,10 @@ from ulid import ULID
 from handsight.datasets.engine import array_at, group_at, read_rows
 from handsight.datasets.errors import InterchangeError
 from handsight.datasets.header import canonical_json, config_digest
+from handsight.datasets.older import columns_of, current_attributes, empty_columns
 from handsight.datasets.records import GraspAttempt, SessionHeader, Snapshot
 from handsight.datasets.rows import from_row
-from handsight.datasets.schema import COLUMN_CHUNK_ROWS, COLUMNS, SESSIONS, VIEWS, View
+from handsight.datasets.schema import COLUMN_CHUNK_ROWS, SCHEMA_VERSION, SESSIONS, VIEWS, Slots, View, slots_of
 from handsight.datasets.sessions import session_from_attributes
 from handsight.datasets.validation import header_faults
 
@@ -76,8 +77,8 @@ def checked_source(
     )
 
 
-def stored_source(group: zarr.Group, ulid: str) -> SessionSource:
-    """A session in a Zarr hierarchy of this schema.
+def stored_source(group: zarr.Group, ulid: str, schema: int) -> SessionSource:
+    """A session in a Zarr hierarchy of a schema, as today's schema has it.
 
     Raises:
         InterchangeError: The group is no session.
@@ -85,31 +86,33 @@ def stored_source(group: zarr.Group, ulid: str) -> SessionSource:
     """
     size = array_at(group, "attempts/number").shape[0]
     digests = read_rows(array_at(group, "attempts/digest"), 0, size)
-    return checked_source(
+    source = checked_source(
         ulid,
-        group.attrs.asdict(),
+        current_attributes(group.attrs.asdict(), schema),
         size=size,
-        attempts=partial(read_attempts, group, size),
+        attempts=lambda: iter(()),
         digests=tuple(digest.tobytes() for digest in digests),
     )
+    return replace(source, attempts=partial(read_attempts, group, size, slots_of(source.header), schema))
 
 
-def stored_sources(root: zarr.Group) -> list[SessionSource]:
-    """All sessions of a Zarr hierarchy of this schema, in the order in which they began."""
+def stored_sources(root: zarr.Group, schema: int = SCHEMA_VERSION) -> list[SessionSource]:
+    """All sessions of a Zarr hierarchy of a schema, in the order in which they began."""
     sessions = group_at(root, SESSIONS)
-    return [stored_source(group_at(sessions, ulid), ulid) for ulid in sorted(sessions.group_keys())]
+    return [stored_source(group_at(sessions, ulid), ulid, schema) for ulid in sorted(sessions.group_keys())]
 
 
-def read_attempts(group: zarr.Group, size: int) -> Iterator[GraspAttempt]:
+def read_attempts(group: zarr.Group, size: int, slots: Slots, schema: int) -> Iterator[GraspAttempt]:
     """The attempts of a session in the order of their numbers, a few frames in memory at a time.
 
     Raises:
         CorruptDataError: An array is damaged or missing.
     """
-    columns = {column.name: array_at(group, f"attempts/{column.name}") for column in COLUMNS}
+    columns = {column.name: array_at(group, f"attempts/{column.name}") for column in columns_of(schema)}
     for start in range(0, size, COLUMN_CHUNK_ROWS):
         stop = min(start + COLUMN_CHUNK_ROWS, size)
         rows = {name: read_rows(array, start, stop) for name, array in columns.items()}
+        rows |= empty_columns(schema, stop - start, slots)
         for first in range(start, stop, BLOCK_FRAMES):
             last = min(first + BLOCK_FRAMES, stop)
             frames = {view: _frames(group, view, first, last) for view in VIEWS}

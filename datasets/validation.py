@@ -28,6 +28,9 @@ from handsight.servoing.camera import Intrinsics
 _ROTATION_TOLERANCE = 1e-4
 """Largest departure from orthonormality of a rotation that a station measured."""
 
+LARGEST_SIDE_PX = 8192
+"""Larger than any depth camera. An imported file must not have memory set aside for whatever it claims."""
+
 _INT64_MAX = 2**63 - 1
 _INT16_MAX = 2**15 - 1
 
@@ -79,6 +82,11 @@ def _station_faults(station: StationCard) -> list[str]:
             "expected 0 <= closed < stroke"
         )
     camera = station.camera
+    if max(camera.intrinsics.width, camera.intrinsics.height) > LARGEST_SIDE_PX:
+        faults.append(
+            f"pictures are {camera.intrinsics.width}x{camera.intrinsics.height}, expected at most {LARGEST_SIDE_PX} "
+            "pixels a side"
+        )
     offset = (camera.x_tool_camera_m, camera.y_tool_camera_m, camera.z_tool_camera_m)
     if not all(math.isfinite(value) for value in offset):
         faults.append(f"camera offset is {offset} m, expected finite")

@@ -38,18 +38,22 @@ def origin_of(dataset: GraspDataset) -> dict[str, Any]:
     }
 
 
-def check_origin(origin: dict[str, Any], where: object) -> None:
-    """Refuse an export of another schema than this handsight's.
+def schema_of_origin(origin: dict[str, Any], where: object) -> int:
+    """The schema version of an export; older ones are brought forward (older.py).
 
     Raises:
-        InterchangeError: Its schema is another, or it names none.
+        InterchangeError: It is newer than this handsight's, or none is named.
     """
     version = origin.get("schema_version")
-    if version != SCHEMA_VERSION or isinstance(version, bool):
+    if not isinstance(version, int) or isinstance(version, bool) or version < 1:
         raise InterchangeError(
-            f"{where} has schema version {version!r}, expected {SCHEMA_VERSION}: it was not exported by handsight, or "
-            "by another version; where the dataset it came from is at hand, migrate that and export it again"
+            f"{where} has schema version {version!r}, expected 1 to {SCHEMA_VERSION}: it was not exported by handsight"
         )
+    if version > SCHEMA_VERSION:
+        raise InterchangeError(
+            f"{where} has schema version {version}, this handsight reads up to {SCHEMA_VERSION}: upgrade handsight"
+        )
+    return version
 
 
 def refuse_linked(path: Path) -> None:

@@ -37,11 +37,12 @@ from handsight.datasets.engine import array_at, group_at, read_rows
 from handsight.datasets.errors import CorruptDataError, InterchangeError
 from handsight.datasets.interchange.bundle import (
     Bundle,
-    check_origin,
     decisions_from_json,
     decisions_to_json,
     origin_of,
+    schema_of_origin,
 )
+from handsight.datasets.older import columns_of, current_attributes, empty_columns
 from handsight.datasets.reader import GraspDataset
 from handsight.datasets.records import GraspAttempt, SessionHeader, Snapshot
 from handsight.datasets.rows import from_row, snapshot_of
@@ -100,8 +101,8 @@ def open_bundle(path: Path) -> Iterator[Bundle]:
     with file:
         try:
             _refuse_links(file, path)
-            check_origin(json.loads(file.attrs.get("handsight", "{}")), path)
-            sessions = [_source(file, ulid, path) for ulid in sorted(_group(file, SESSIONS, path))]
+            schema = schema_of_origin(json.loads(file.attrs.get("handsight", "{}")), path)
+            sessions = [_source(file, ulid, path, schema) for ulid in sorted(_group(file, SESSIONS, path))]
             decisions = decisions_from_json(file["decisions"].asstr()[()], path)
         except (KeyError, ValueError, TypeError, OSError, RuntimeError) as error:
             if isinstance(error, InterchangeError):
@@ -136,16 +137,20 @@ def _write_demo(demo: h5py.Group, attempt: GraspAttempt, identity: str) -> None:
             observations[f"{view}_pose_base_tool"] = snapshot.pose_base_tool[None]
 
 
-def _source(file: h5py.File, ulid: str, path: Path) -> SessionSource:
+def _source(file: h5py.File, ulid: str, path: Path, schema: int) -> SessionSource:
     group = _group(file, f"{SESSIONS}/{ulid}", path)
-    attributes = json.loads(group["attributes"].asstr()[()])
-    size = len(group["columns/number"])
+    attributes = current_attributes(json.loads(group["attributes"].asstr()[()]), schema)
+    size, demos = len(group["columns/number"]), len(_group(file, "data", path))
+    if size > demos:
+        # Before any column is read: a few bytes suffice to claim any number of rows.
+        raise InterchangeError(f"{path}: session {ulid} claims {size} attempts, and the file has {demos} demos")
     source = checked_source(ulid, attributes, size=size, attempts=lambda: iter(()))
     slots = slots_of(source.header)
     columns = {
         column.name: _array(group, f"columns/{column.name}", column.dtype, (size, *column.shape(slots)), path)
-        for column in COLUMNS
+        for column in columns_of(schema)
     }
+    columns |= empty_columns(schema, size, slots)
     return checked_source(
         ulid,
         attributes,

@@ -38,12 +38,13 @@ from handsight.datasets.engine import array_at, group_at, read_rows
 from handsight.datasets.errors import CorruptDataError, InterchangeError
 from handsight.datasets.interchange.bundle import (
     Bundle,
-    check_origin,
     decisions_from_json,
     decisions_to_json,
     origin_of,
     refuse_linked,
+    schema_of_origin,
 )
+from handsight.datasets.older import columns_since, current_attributes, empty_columns
 from handsight.datasets.reader import GraspDataset
 from handsight.datasets.records import GraspAttempt, Outcome, Snapshot
 from handsight.datasets.rows import from_row, snapshot_of
@@ -101,9 +102,9 @@ def open_bundle(path: Path) -> Iterator[Bundle]:
     refuse_linked(path)
     try:
         origin = json.loads((path / _SIDE / "origin.json").read_text())
-        check_origin(origin, path)
+        schema = schema_of_origin(origin, path)
         ulids = sorted(file.stem for file in (path / _SIDE).glob("*.npz"))
-        sessions = [_source(path, ulid) for ulid in ulids]
+        sessions = [_source(path, ulid, schema) for ulid in ulids]
         decisions = decisions_from_json(origin["decisions"], path)
     except InterchangeError:
         raise
@@ -247,13 +248,16 @@ def _statistics(values: NDArray[np.float64]) -> dict[str, list[float]]:
     return {**measures, "count": [len(known)]}
 
 
-def _source(path: Path, ulid: str) -> SessionSource:
+def _source(path: Path, ulid: str, schema: int) -> SessionSource:
     card = json.loads((path / _SIDE / f"{ulid}.json").read_text())
+    attributes = current_attributes(card["attributes"], schema)
+    added = {f"attempts/{column.name}" for column in columns_since(schema)}
     with np.load(path / _SIDE / f"{ulid}.npz", allow_pickle=False) as file:
-        columns = {name: file[_flat_name(name)] for name in column_paths()}
+        columns = {name: file[_flat_name(name)] for name in column_paths() if name not in added}
     size = len(columns["attempts/number"])
-    source = checked_source(ulid, card["attributes"], size=size, attempts=lambda: iter(()))
+    source = checked_source(ulid, attributes, size=size, attempts=lambda: iter(()))
     slots = slots_of(source.header)
+    columns |= {f"attempts/{name}": values for name, values in empty_columns(schema, size, slots).items()}
     for column in COLUMNS:
         found = columns[f"attempts/{column.name}"]
         if found.dtype != np.dtype(column.dtype) or found.shape != (size, *column.shape(slots)):
@@ -263,7 +267,7 @@ def _source(path: Path, ulid: str) -> SessionSource:
             raise InterchangeError(f"{path}: the poses of {view} of session {ulid} have another shape")
     return checked_source(
         ulid,
-        card["attributes"],
+        attributes,
         size=size,
         attempts=partial(_read_attempts, path, ulid, columns, int(card["first_episode"])),
         digests=tuple(digest.tobytes() for digest in columns["attempts/digest"]),

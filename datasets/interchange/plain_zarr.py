@@ -18,9 +18,9 @@ from zarr.core.buffer import default_buffer_prototype
 from zarr.core.sync import sync
 from zarr.storage import LocalStore
 
-from handsight.datasets.engine import engine_errors
+from handsight.datasets.engine import array_at, engine_errors, group_at
 from handsight.datasets.errors import CorruptDataError, InterchangeError
-from handsight.datasets.interchange.bundle import Bundle, check_origin, origin_of, refuse_linked
+from handsight.datasets.interchange.bundle import Bundle, origin_of, refuse_linked, schema_of_origin
 from handsight.datasets.overlay import read_overlay
 from handsight.datasets.reader import GraspDataset
 from handsight.datasets.schema import SESSIONS, VIEWS
@@ -61,8 +61,24 @@ def open_bundle(path: Path) -> Iterator[Bundle]:
         attributes: dict[str, Any] = root.attrs.asdict()
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise InterchangeError(f"{path} has no readable group at its root: {error}") from error
-    check_origin(attributes.get("handsight", attributes), path)
-    yield Bundle(sessions=stored_sources(root), decisions=read_overlay(root).decisions)
+    schema = schema_of_origin(attributes.get("handsight", attributes), path)
+    _refuse_empty_claims(path, root)
+    yield Bundle(sessions=stored_sources(root, schema), decisions=read_overlay(root).decisions)
+
+
+def _refuse_empty_claims(path: Path, root: zarr.Group) -> None:
+    """Refuse sessions with more rows than chunks could hold, before memory is set aside for them.
+
+    A few bytes suffice to claim any number of rows, but no digest is all zeros, so every chunk of digests is a file.
+    """
+    for ulid, session in group_at(root, SESSIONS).groups():
+        digests, rows = array_at(session, "attempts/digest"), array_at(session, "attempts/number").shape[0]
+        files = sum(file.is_file() for file in (path / SESSIONS / ulid / "attempts/digest/c").rglob("*"))
+        if digests.shape[0] != rows or digests.nchunks > files:
+            raise CorruptDataError(
+                f"session {ulid} of {path} claims {rows} attempts and has {files} of {digests.nchunks} blocks of "
+                "their digests: take an undamaged copy"
+            )
 
 
 def _copy(store: Store, prefix: str, target: Path, on_attempt: Callable[[], None] | None) -> int:

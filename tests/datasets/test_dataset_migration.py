@@ -1,7 +1,7 @@
 """Datasets of every schema there was, written by the handsight of that time, come forward with nothing lost.
 
-``golden/schema-N.zip`` is such a dataset, ``schema-N.json`` what that handsight said of it. Never rewrite them: add one
-for each new schema.
+``golden/schema-N.zip`` is such a dataset, ``schema-N.json`` what that handsight said of it, and ``exports`` holds what
+it exported. Never rewrite them: add some for each new schema.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from handsight.datasets import (
     verify,
 )
 from handsight.datasets.curation import Curator
+from handsight.datasets.interchange.exchange import import_dataset
 from handsight.datasets.merge import merge
 from handsight.datasets.schema import SCHEMA_VERSION
 
@@ -72,6 +73,19 @@ def test_a_migrated_dataset_is_what_it_was(schema: int, tmp_path: Path) -> None:
     report = verify(dataset)
     assert report.ok
     assert report.checked == len(table)
+
+
+@pytest.mark.parametrize("format", ["hdf5", "zarr", "lerobot"])
+@pytest.mark.parametrize("schema", OLDER)
+def test_an_export_of_an_older_schema_is_imported_whole(schema: int, format: str, tmp_path: Path) -> None:
+    with zipfile.ZipFile(GOLDEN / "exports" / f"schema-{schema}.{format}.zip") as archive:
+        archive.extractall(tmp_path)
+    import_dataset(tmp_path / f"grasps.{format}", tmp_path / "new")
+    dataset = GraspDataset.open(f"{tmp_path}/new")
+    info, recorded = dataset.info(), expected(schema)
+    assert (info.digest, info.curation_digest) == (recorded["digest"], recorded["curation_digest"])
+    assert dict(dataset.attempts["excluded"]) == {key: row["excluded"] for key, row in recorded["attempts"].items()}
+    assert verify(dataset).ok
 
 
 @pytest.mark.parametrize("schema", OLDER)

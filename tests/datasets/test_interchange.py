@@ -169,7 +169,7 @@ def _replace(file: h5py.File, name: str, value: object) -> None:
     file[name] = value
 
 
-def _edit_attributes(file: h5py.File, edit: Callable[[dict[str, object]], object]) -> None:
+def _edit_attributes(file: h5py.File, edit: Callable[[dict[str, Any]], object]) -> None:
     ulid = min(file["sessions"])
     attributes = json.loads(file[f"sessions/{ulid}/attributes"].asstr()[()])
     edit(attributes)
@@ -179,6 +179,16 @@ def _edit_attributes(file: h5py.File, edit: Callable[[dict[str, object]], object
 def _change_pixel(file: h5py.File) -> None:
     frames = [demo["obs/overhead_rgb"] for demo in file["data"].values() if "overhead_rgb" in demo["obs"]]
     frames[0][0, 0, 0, 0] ^= 1
+
+
+def _claim_rows(file: h5py.File) -> None:
+    name = f"sessions/{min(file['sessions'])}/columns/number"
+    del file[name]
+    file.create_dataset(name, shape=(10**12,), dtype="int64", chunks=(1024,), compression="gzip")
+
+
+def _claim_pixels(card: dict[str, Any]) -> None:
+    card["header"]["station"]["camera"]["intrinsics"].update(width=10**6, height=10**6)
 
 
 BAD_HDF5: dict[str, tuple[Callable[[Path], object], str]] = {
@@ -219,6 +229,8 @@ BAD_HDF5: dict[str, tuple[Callable[[Path], object], str]] = {
         edited_hdf5(lambda file: _edit_attributes(file, lambda card: card.update(status="lost"))),
         "status is 'lost'",
     ),
+    "a bomb of rows": (edited_hdf5(_claim_rows), "claims 1000000000000 attempts"),
+    "a bomb of pixels": (edited_hdf5(lambda file: _edit_attributes(file, _claim_pixels)), "at most 8192 pixels a side"),
     "decisions": (edited_hdf5(lambda file: _replace(file, "decisions", '[{"action": "burn"}]')), "decisions in"),
     "a pixel": (edited_hdf5(_change_pixel), "not what its recorded digest says"),
     "a missing demo": (edited_hdf5(lambda file: file.__delitem__("data/demo_20")), "cannot be read from"),
@@ -259,6 +271,12 @@ def _newer(path: Path) -> None:
     zarr.open_group(str(path), mode="r+").update_attributes({"handsight": {"schema_version": 99}})
 
 
+def _claim_zarr_rows(path: Path) -> None:
+    for name in ("number", "digest"):
+        array = zarr.open_array(str(next(path.glob(f"sessions/*/attempts/{name}"))), mode="r+")
+        array.resize((10**12, *array.shape[1:]))
+
+
 def _foreign(path: Path) -> None:
     shutil.rmtree(path)
     zarr.create_group(str(path))
@@ -269,6 +287,7 @@ BAD_ZARR: dict[str, tuple[Callable[[Path], object], str]] = {
     "bit": (_flip_chunk, "is damaged in row"),
     "newer": (_newer, "schema version 99"),
     "foreign": (_foreign, "schema version None"),
+    "a bomb of rows": (_claim_zarr_rows, "claims 1000000000000 attempts"),
     "root": (lambda path: (path / "zarr.json").write_text("{"), "no readable group"),
     "missing array": (
         lambda path: shutil.rmtree(next(path.glob("sessions/*/attempts/outcome"))),
