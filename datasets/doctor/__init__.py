@@ -27,6 +27,7 @@ GD-403   warning   nearly the same picture is in two folds
 GD-501   error     a simulated attempt ends otherwise when it is simulated again
 GD-502   warning   it ends alike, but some recorded byte differs
 GD-503   note      it cannot be simulated again: an older simulator, or a network that is not at hand
+GD-504   note      it is the same in every recorded bit
 =======  ========  =====================================================================
 
 Excluded attempts are left out: somebody has seen them already. Those of GD-3xx, and GD-403, look at every picture and

@@ -42,7 +42,7 @@ def resimulation_findings(
     table = dataset.attempts
     rows = table[table["seed"].notna() & table["recorded_success"].notna() & ~table["excluded"]]
     chosen = rows.index[np.sort(generator.permutation(len(rows))[:count])]
-    wrong, different, not_possible = [], [], []
+    wrong, different, not_possible, alike = [], [], [], []
     for attempt in chosen:
         _, number = parse_attempt_id(attempt)
         header = dataset.session(attempt).header
@@ -53,7 +53,10 @@ def resimulation_findings(
             wrong.append(attempt)
         elif attempt_digest(again, header.station).hex() != table.loc[attempt, "digest"]:
             different.append(attempt)
+        else:
+            alike.append(attempt)
     of = f"{{n}} of {len(chosen)} attempts"
     yield from about("GD-501", "error", wrong, f"{of} end otherwise when simulated again: other code, assets or seeds")
     yield from about("GD-502", "warning", different, f"{of} end alike when simulated again, but their bytes differ")
     yield from about("GD-503", "note", not_possible, f"{of} cannot be simulated again here")
+    yield from about("GD-504", "note", alike, f"{of} are the same in every recorded bit when simulated again")
