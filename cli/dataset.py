@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated
 
-import pandas as pd
 import typer
 
-from handsight.cli import dataset_checks, dataset_curation, dataset_exchange, dataset_versions
+from handsight.cli import (
+    dataset_checks,
+    dataset_curation,
+    dataset_exchange,
+    dataset_listing,
+    dataset_suspect,
+    dataset_versions,
+)
 from handsight.cli.options import Dataset, DatasetPath, Json
 from handsight.cli.output import console, print_json, print_table
 from handsight.datasets import DatasetAddress, GraspDataset, GraspRepository
@@ -46,49 +52,6 @@ def info(dataset: Dataset, as_json: Json = False) -> None:
         console.print(f"[bold]{name:<10}[/] {value}")
 
 
-LS_COLUMNS = ("outcome", "target", "pregrasp_x_m", "pregrasp_y_m", "pregrasp_angle_rad", "width_final_m", "failure")
-
-
-@dataset_app.command("ls")
-def ls(
-    dataset: Dataset,
-    limit: Annotated[int, typer.Option("--limit", "-n", min=0, help="Rows to show; 0 shows all.")] = 20,
-    as_json: Json = False,
-) -> None:
-    """List attempts, newest last."""
-    opened = GraspDataset.open(dataset)
-    total = sum(session.attempts for session in opened.sessions)
-    shown = opened.tail(limit or total)
-    if as_json:
-        print_json([{"attempt": key, **_json_row(row)} for key, row in shown.iterrows()])
-        return
-    rows = [(str(key), *(_cell(row[name]) for name in LS_COLUMNS)) for key, row in shown.iterrows()]
-    print_table(("attempt", "outcome", "target", "x [m]", "y [m]", "angle [rad]", "width [m]", "failure"), rows)
-    if len(shown) < total:
-        console.print(f"the last {len(shown)} of {total}; --limit 0 shows all")
-
-
-@dataset_app.command("show")
-def show(
-    dataset: Dataset,
-    attempt: Annotated[str, typer.Argument(help="Attempt id, as printed by ls.")],
-    as_json: Json = False,
-) -> None:
-    """Print everything known of an attempt."""
-    opened = GraspDataset.open(dataset)
-    opened.attempt(attempt)  # checks the id, and every stored byte against its checksum
-    facts = _json_row(opened.rows([attempt]).iloc[0])
-    facts["station"] = opened.station(attempt)
-    if as_json:
-        print_json({"attempt": attempt, **facts})
-        return
-    console.print(f"[bold]{attempt}[/]")
-    for name, value in facts.items():
-        if name == "station":
-            value = f"{value.source}, camera {value.camera.intrinsics.width}x{value.camera.intrinsics.height}"
-        console.print(f"  {name:<22} {_cell(value)}")
-
-
 @dataset_app.command("log")
 def log(dataset: Dataset, as_json: Json = False) -> None:
     """List the commits of a version, newest first."""
@@ -122,23 +85,5 @@ def release(
     console.print(f"released {address.path}@[bold]{made.name}[/] (snapshot {made.snapshot_id})")
 
 
-for group in (dataset_curation, dataset_versions, dataset_checks, dataset_exchange):
+for group in (dataset_listing, dataset_curation, dataset_versions, dataset_checks, dataset_exchange, dataset_suspect):
     group.register(dataset_app)
-
-
-def _json_row(row: pd.Series[Any]) -> dict[str, Any]:
-    return {str(name): _json_cell(value) for name, value in row.items()}
-
-
-def _json_cell(value: Any) -> Any:
-    if isinstance(value, tuple):
-        return list(value)
-    return None if pd.isna(value) else value.isoformat() if isinstance(value, pd.Timestamp) else value
-
-
-def _cell(value: Any) -> str:
-    if isinstance(value, list | tuple):
-        return ", ".join(map(str, value))
-    if value is None or pd.isna(value):
-        return "-"
-    return f"{value:.4f}" if isinstance(value, float) else str(value)

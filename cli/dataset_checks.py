@@ -18,7 +18,7 @@ from handsight.datasets import GraspDataset, GraspRepository, VerifyReport, coll
 from handsight.datasets.doctor import doctor
 from handsight.datasets.repair import ResimulateAttempt
 from handsight.datasets.schema import VIEWS
-from handsight.datasets.stats import Share, label_stats
+from handsight.datasets.stats import LabelStats, Share, label_stats
 
 ServoModel = Annotated[
     Path | None,
@@ -39,9 +39,22 @@ def register(app: typer.Typer) -> None:
     app.command("expire")(expire_command)
 
 
-def stats(dataset: Dataset, as_json: Json = False) -> None:
+def stats(
+    dataset: Dataset,
+    plot: Annotated[
+        Path | None,
+        typer.Option("--plot", metavar="FILE", help="Draw it, with place and time too, as .png or .svg."),
+    ] = None,
+    as_json: Json = False,
+) -> None:
     """Show how labels are spread over objects, sessions, angles, openings and forces."""
-    found = label_stats(GraspDataset.open(dataset))
+    if plot is not None:
+        _check_plot(plot)
+    opened = GraspDataset.open(dataset)
+    found = label_stats(opened)
+    if plot is not None:
+        name = str(opened.repository.path).rpartition("/")[2]
+        _draw_stats(found, plot, f"{name}@{opened.ref}")
     if as_json:
         print_json(found)
         return
@@ -57,6 +70,22 @@ def stats(dataset: Dataset, as_json: Json = False) -> None:
         ("contact force [N]", found.force_n),
     ):
         print_table((title, "attempts", "successful"), [_share_row(share) for share in shares])
+    if plot is not None:
+        console.print(f"[bold]{plot}[/]: the same as a figure, with place and time")
+
+
+# The next two import what draws when it is wanted: Matplotlib and PyTorch take seconds.
+def _check_plot(path: Path) -> None:
+    from handsight.viz.dataset_figures import SUFFIXES
+    from handsight.viz.figures import check_figure_path
+
+    check_figure_path(path, *SUFFIXES)
+
+
+def _draw_stats(found: LabelStats, path: Path, title: str) -> None:
+    from handsight.viz.dataset_figures import stats_figure
+
+    stats_figure(found, path, title=title)
 
 
 def doctor_command(

@@ -11,7 +11,7 @@ import zarr
 from numpy.typing import NDArray
 
 from handsight.datasets.digest import attempt_digest
-from handsight.datasets.engine import append_rows, array_at, group_at, read_rows
+from handsight.datasets.engine import append_rows, array_at, end_with, group_at, read_rows
 from handsight.datasets.errors import RecordError
 from handsight.datasets.records import GraspAttempt, SessionHeader, Snapshot
 from handsight.datasets.rows import snapshot_of, to_row
@@ -57,31 +57,32 @@ def write_columns(
 ) -> dict[str, NDArray[Any]]:
     """Append rows to every column of a session that holds ``stored``; returns the new last chunks."""
     stop = stored + len(rows)
-    finished = {}
+    blocks, finished = [], {}
     for path in column_paths():
         array = array_at(group, path)
         start = chunk_start(stored, array.chunks[0])
         # Whole chunks from memory: a partial write would first read the last chunk back, at twice the time.
         block = [row[path] for row in rows]
         whole = np.concatenate([last_chunks[path], block]) if stored > start else np.stack(block)
-        array.resize((stop, *array.shape[1:]))
-        array[start:] = whole
+        blocks.append((array, start, whole))
         finished[path] = whole[chunk_start(stop, array.chunks[0]) - start :]
+    end_with(blocks)
     return finished
 
 
 def write_pictures(group: zarr.Group, block: Sequence[PreparedAttempt], *, stored: int) -> None:
     """Append the frames; zarr compresses them on all cores. A frame never taken stays a fill value."""
     for view in VIEWS:
+        blocks = []
         for name in ("rgb", "depth"):
             array = array_at(group, f"{view}/{name}")
-            array.resize((stored + len(block), *array.shape[1:]))
             frames = np.zeros((len(block), *array.shape[1:]), dtype=array.dtype)
             for frame, one in zip(frames, block, strict=True):
                 snapshot = one.snapshots[view]
                 if snapshot is not None:
                     frame[:] = getattr(snapshot, name)
-            array[stored:] = frames
+            blocks.append((array, stored, frames))
+        end_with(blocks)
 
 
 def read_last_chunks(group: zarr.Group, *, stored: int) -> dict[str, NDArray[Any]]:

@@ -15,6 +15,7 @@ DatasetError
 ├── HeaderError (ValueError)                   a session header that cannot be recorded
 ├── RecordError (ValueError)                   an attempt that cannot be recorded
 ├── WhereError (ValueError)                    a --where expression that selects nothing sound
+├── ListingError (ValueError)                  columns, an order or a limit that no listing can have
 ├── CurationError (ValueError)                 a decision that cannot be recorded
 ├── FoldsError (ValueError)                    folds that cannot be made, or that leak
 ├── UnknownNameError (LookupError)             no saved view, folds or decision of that name
@@ -89,6 +90,10 @@ class RecordError(DatasetError, ValueError):
 
 class WhereError(DatasetError, ValueError):
     """A ``--where`` expression that cannot be evaluated, or that yields no truth values."""
+
+
+class ListingError(DatasetError, ValueError):
+    """Attempts cannot be listed so; the message lists every fault."""
 
 
 class CurationError(DatasetError, ValueError):

@@ -40,6 +40,9 @@ Grouping = Literal["object", "scene", "session"]
 GROUPINGS: tuple[Grouping, ...] = get_args(Grouping)
 """``object``: the target; ``scene``: the set of objects on the table; ``session``: one run of a station."""
 
+UNKNOWN_GROUP = "?"
+"""Stands for every target or scene that is not known: such attempts count as one group."""
+
 _MOST_FOLDS = 100
 _CHUNK_ROWS = 4096
 
@@ -103,7 +106,7 @@ def make_folds(
         if name in fold_names(root) and not replace:
             raise RefNameError(f"there are folds {name!r} already: replace them or choose another name")
         rows = _divided(dataset)
-        fold = assign_folds(_groups(rows, by), rows["success"].astype(bool), count, np.random.default_rng(seed))
+        fold = assign_folds(attempt_groups(rows, by), rows["success"].astype(bool), count, np.random.default_rng(seed))
         digest = _digest(rows)
         made[:] = [
             Folds(
@@ -179,7 +182,7 @@ def fold_faults(dataset: GraspDataset, folds: Folds) -> list[str]:
     if len(gone):
         faults.append(f"{len(gone)} of their attempts are excluded, unlabelled or missing, {gone[0]} the first")
     known = folds.fold[folds.fold.index.isin(rows.index)]
-    groups = _groups(rows.loc[known.index], folds.by)
+    groups = attempt_groups(rows.loc[known.index], folds.by)
     leaking = known.groupby(groups).nunique()
     leaking = leaking[leaking > 1]
     if len(leaking):
@@ -231,13 +234,13 @@ def _divided(dataset: GraspDataset) -> pd.DataFrame:
     return rows[rows["success"].notna() & ~rows["excluded"]]
 
 
-def _groups(rows: pd.DataFrame, by: Grouping) -> pd.Series[Any]:
-    """What each attempt must not be parted from. Attempts whose target or scene is unknown count as one group."""
+def attempt_groups(rows: pd.DataFrame, by: Grouping) -> pd.Series[Any]:
+    """What each attempt must not be parted from; ``UNKNOWN_GROUP`` where its target or scene is not known."""
     if by == "object":
-        return rows["target"].fillna("?")
+        return rows["target"].fillna(UNKNOWN_GROUP)
     if by == "session":
         return rows["session"]
-    return rows["objects"].map(lambda names: " ".join(sorted(names)) or "?").astype("str")
+    return rows["objects"].map(lambda names: " ".join(sorted(names)) or UNKNOWN_GROUP).astype("str")
 
 
 def _digest(rows: pd.DataFrame) -> str:

@@ -83,6 +83,20 @@ def materialize(
         CorruptDataError: A picture is damaged; the message names the attempt.
     """
     grid = grid or InputGrid()
+    rows = usable_attempts(dataset, view)
+    path = _cache_path(dataset, view, grid)
+    if not path.exists():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        _write(path, dataset, rows, view, grid, on_attempt)
+    return GraspInputs(inputs=np.load(path, mmap_mode="r"), attempts=rows)
+
+
+def usable_attempts(dataset: GraspDataset, view: schema.View) -> pd.DataFrame:
+    """The rows of the attempts table that inputs can be made of, without making any.
+
+    Raises:
+        NoTrainingDataError: No attempt of this version has a label and the picture asked for.
+    """
     rows = dataset.attempts
     rows = rows[rows["success"].notna() & ~rows["excluded"] & rows[f"{view}_taken"]]
     if rows.empty:
@@ -90,11 +104,7 @@ def materialize(
             f"{dataset.repository.path}@{dataset.ref} has no labelled attempt with a {view} picture that is not "
             "excluded, expected some: collect more with 'handsight collect sim', or restore some"
         )
-    path = _cache_path(dataset, view, grid)
-    if not path.exists():
-        path.parent.mkdir(parents=True, exist_ok=True)
-        _write(path, dataset, rows, view, grid, on_attempt)
-    return GraspInputs(inputs=np.load(path, mmap_mode="r"), attempts=rows)
+    return rows
 
 
 def _cache_path(dataset: GraspDataset, view: schema.View, grid: InputGrid) -> Path:

@@ -87,12 +87,15 @@ class GraspDataset:
         Raises:
             KeyError: There is no such column.
         """
-        recorded = [name for name in names if name not in CURATED_COLUMNS]
-        curated = self._table(self._lazy_columns(), dict.fromkeys(["success", *recorded]))
-        return curated[list(names)]
+        return self._table(self._lazy_columns(), names)
 
-    def rows(self, ids: Iterable[str]) -> pd.DataFrame:
-        """Some rows of :attr:`attempts`, in its order; ids that are not there are left out."""
+    def rows(self, ids: Iterable[str], names: Sequence[str] | None = None) -> pd.DataFrame:
+        """Some rows of :attr:`attempts`, in its order; ids that are not there are left out.
+
+        Args:
+            ids: Of the attempts wanted.
+            names: Columns to make; None for all.
+        """
         wanted: dict[str, set[int]] = {}
         for attempt in ids:
             ulid, number = parse_attempt_id(attempt)
@@ -102,7 +105,7 @@ class GraspDataset:
             numbers = np.array(sorted(one for one in wanted.get(session.ulid, ()) if one < session.attempts), np.int64)
             if len(numbers):
                 pairs.append((session, LazyColumns(partial(self._chosen, session.ulid, numbers))))
-        return self._table(pairs)
+        return self._table(pairs, names)
 
     def column(self, session: str, name: str) -> NDArray[Any]:
         """One stored column of a session, as in ``schema.COLUMNS``, with the rows first.
@@ -119,9 +122,9 @@ class GraspDataset:
         index = self.column(session, "catalogue_index")[np.arange(len(target)), np.maximum(target, 0)]
         return np.where(target < 0, len(self.station(session).objects), index)
 
-    def tail(self, count: int) -> pd.DataFrame:
-        """The last rows of :attr:`attempts`, made without the others."""
-        return self._table(self._lazy_columns(last=count))
+    def tail(self, count: int, names: Sequence[str] | None = None) -> pd.DataFrame:
+        """The last rows of :attr:`attempts`, made without the others; ``names`` as in :meth:`rows`."""
+        return self._table(self._lazy_columns(last=count), names)
 
     @cached_property
     def overlay(self) -> Overlay:
@@ -276,7 +279,8 @@ class GraspDataset:
         ]
 
     def _chosen(self, ulid: str, numbers: NDArray[np.int64], name: str) -> NDArray[Any]:
-        return self._column(ulid, name)[numbers]
+        first, last = int(numbers[0]), int(numbers[-1])
+        return self._column(ulid, name, first, last + 1)[numbers - first]
 
     def _outcomes(self) -> Counter[int]:
         """How many attempts ended in each way, without the table, which takes a second for a million rows."""
@@ -295,10 +299,15 @@ class GraspDataset:
         return counts
 
     def _table(
-        self, columns: Sequence[tuple[SessionInfo, LazyColumns]], names: Iterable[str] | None = None
+        self, columns: Sequence[tuple[SessionInfo, LazyColumns]], names: Sequence[str] | None = None
     ) -> pd.DataFrame:
+        """The attempts whose columns are given, with curation laid over them; ``names`` chooses and orders columns."""
         conditions = sorted({name for session in self.sessions for name in session.header.station.conditions})
-        return self.overlay.applied_to(attempts_table(columns, names, conditions=conditions))
+        recorded = None
+        if names is not None:  # What curation lays over the table needs the recorded label.
+            recorded = dict.fromkeys(["success", *(name for name in names if name not in CURATED_COLUMNS)])
+        curated = self.overlay.applied_to(attempts_table(columns, recorded, conditions=conditions))
+        return curated if names is None else curated[list(names)]
 
     def _lazy_columns(self, last: int | None = None) -> list[tuple[SessionInfo, LazyColumns]]:
         """The sessions and their columns, or those of their last attempts, read when they are asked for."""

@@ -114,16 +114,22 @@ def select(table: pd.DataFrame, selection: Selection, views: dict[str, str]) -> 
             )
         return table.index[table.index.isin(selection.ids)].tolist()
     chosen = pd.Series(True, index=table.index)
-    if selection.view:
-        if selection.view not in views:
-            raise WhereError(
-                f"there is no saved view {selection.view!r}{_nearest(selection.view, views)} "
-                f"(views: {', '.join(sorted(views)) or 'none'})"
-            )
-        chosen &= matches(table, views[selection.view])
-    if selection.where:
-        chosen &= matches(table, selection.where)
+    for where in expressions(selection.where, selection.view, views):
+        chosen &= matches(table, where)
     return table.index[chosen].tolist()
+
+
+def expressions(where: str, view: str, views: dict[str, str]) -> list[str]:
+    """The expressions that must all hold: that of the saved view and the one given, where there are such.
+
+    Raises:
+        WhereError: There is no such view.
+    """
+    if view and view not in views:
+        raise WhereError(
+            f"there is no saved view {view!r}{nearest(view, views)} (views: {', '.join(sorted(views)) or 'none'})"
+        )
+    return ([views[view]] if view else []) + ([where] if where else [])
 
 
 def matches(table: pd.DataFrame, where: str) -> pd.Series[bool]:
@@ -158,11 +164,21 @@ def check_where(table: pd.DataFrame, where: str) -> None:
         reason = error.msg if isinstance(error, SyntaxError) else str(error)
         raise WhereError(f"--where {where!r} is no expression: {reason}") from error
     columns = [str(table.index.name), *map(str, table.columns)]
-    called = [node.func for node in ast.walk(tree) if isinstance(node, ast.Call)]
-    nodes = [node for node in ast.walk(tree) if not (isinstance(node, ast.Name) and node in called)]
-    faults = dict.fromkeys(fault for node in nodes for fault in _faults(node, columns, where))
+    faults = dict.fromkeys(fault for node in _nodes(tree) for fault in _faults(node, columns, where))
     if faults:
         raise WhereError(f"--where {where!r} is refused: {'; '.join(faults)}")
+
+
+def columns_in(where: str) -> list[str]:
+    """The columns that an expression needs, each once; ``check_where`` has found it sound."""
+    tree = ast.parse(where.strip(), mode="eval")
+    return list(dict.fromkeys(node.id for node in _nodes(tree) if isinstance(node, ast.Name)))
+
+
+def _nodes(tree: ast.Expression) -> list[ast.AST]:
+    """All nodes but the names of functions that are called."""
+    called = [node.func for node in ast.walk(tree) if isinstance(node, ast.Call)]
+    return [node for node in ast.walk(tree) if not (isinstance(node, ast.Name) and node in called)]
 
 
 def _faults(node: ast.AST, columns: Sequence[str], where: str) -> list[str]:
@@ -174,7 +190,7 @@ def _faults(node: ast.AST, columns: Sequence[str], where: str) -> list[str]:
     if isinstance(node, ast.Attribute):
         return [] if node.attr in METHODS else [f".{node.attr} is unknown, expected one of {', '.join(METHODS)}"]
     if isinstance(node, ast.Name):
-        return [] if node.id in columns else [f"there is no column {node.id!r}{_nearest(node.id, columns)}"]
+        return [] if node.id in columns else [f"there is no column {node.id!r}{nearest(node.id, columns)}"]
     if isinstance(node, ast.BinOp) and any(_is_text(side) for side in (node.left, node.right)):
         return ["text cannot be calculated with"]
     if not isinstance(node, _NODES):
@@ -187,12 +203,17 @@ def _is_text(node: ast.expr) -> bool:
     return isinstance(node, ast.Constant) and isinstance(node.value, str | bytes)
 
 
-def _nearest(name: str, known: Sequence[str] | dict[str, str]) -> str:
+def nearest(name: str, known: Sequence[str] | dict[str, str]) -> str:
+    """The end of a message about an unknown name: names like it or, where there are none, all that are known."""
     near = difflib.get_close_matches(name, known, n=3, cutoff=0.5)
     return f", did you mean {' or '.join(near)}?" if near else f", expected one of {', '.join(known)}"
 
 
 def _plain(table: pd.DataFrame) -> pd.DataFrame:
     """The table in types that expressions can compare: the objects of a scene as one text, UTC without saying so."""
-    objects = table["objects"].str.join(" ").astype("str")
-    return table.assign(objects=objects, started=table["started"].dt.tz_localize(None))
+    plain = table.copy(deep=False)
+    if "objects" in table:
+        plain["objects"] = table["objects"].str.join(" ").astype("str")
+    if "started" in table:
+        plain["started"] = table["started"].dt.tz_localize(None)
+    return plain

@@ -160,7 +160,8 @@ class SessionWriter:
                 rows = [one.columns for one in self._pending]
                 last_chunks = write_columns(group, rows, stored=self._stored, last_chunks=last_chunks)
                 write_pictures(group, self._pending, stored=self._stored)
-            rechunk_columns(group, packed_rows(attributes["status"], self.next_number))
+            if attributes["status"] == "sealed":
+                rechunk_columns(group, packed_rows("sealed", self.next_number))
         if not change.has_uncommitted_changes:
             return change.snapshot_id  # Sealed again within the second: the engine refuses an empty commit.
         snapshot_id = self.repository.commit(
@@ -188,7 +189,8 @@ class SessionWriter:
                 f"session {self.session} has {found} attempts, this writer knows of {self._stored}: another process "
                 "went on with it; stop one of the two, then go on with --resume"
             )
-        rechunk_columns(group, COLUMN_CHUNK_ROWS)  # It may have been sealed, and so packed.
+        if group.attrs["status"] == "sealed":
+            rechunk_columns(group, COLUMN_CHUNK_ROWS)  # It may be packed.
         return group
 
     def _refuse_repetition(self, root: zarr.Group) -> None:

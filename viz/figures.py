@@ -179,9 +179,7 @@ def save_figure(figure: Figure, path: Path) -> tuple[Path, Path]:
     Raises:
         FigureError: the folder does not exist.
     """
-    png, svg = save_png(figure, path.with_suffix(".png")), path.with_suffix(".svg")
-    figure.savefig(svg, metadata={"Date": None, "Creator": None})
-    return png, svg
+    return save_png(figure, path.with_suffix(".png")), save_svg(figure, path.with_suffix(".svg"))
 
 
 def save_png(figure: Figure, path: Path) -> Path:
@@ -190,8 +188,33 @@ def save_png(figure: Figure, path: Path) -> Path:
     Raises:
         FigureError: the folder does not exist.
     """
-    if path.is_dir() or not path.parent.is_dir():
-        raise FigureError(f"cannot write a figure to {str(path)!r}, expected a file name in an existing folder")
+    check_figure_path(path)
     FigureCanvasAgg(figure)
     figure.savefig(path, format="png", metadata={"Software": None})
     return path
+
+
+def save_svg(figure: Figure, path: Path) -> Path:
+    """Write a figure as SVG, without dates and versions.
+
+    Raises:
+        FigureError: the folder does not exist.
+    """
+    check_figure_path(path)
+    figure.savefig(path, format="svg", metadata={"Date": None, "Creator": None})
+    return path
+
+
+def check_figure_path(path: Path, *suffixes: str) -> None:
+    """Refuse a place where no figure can be written, before it is made.
+
+    Raises:
+        FigureError: the folder does not exist, a folder is there, or the name ends in none of the suffixes, if any
+            are given.
+    """
+    if path.is_dir() or not path.parent.is_dir():
+        raise FigureError(f"cannot write a figure to {str(path)!r}, expected a file name in an existing folder")
+    if suffixes and path.suffix.lower() not in suffixes:
+        raise FigureError(
+            f"cannot write a figure to {str(path)!r}, expected a name that ends in {' or '.join(suffixes)}"
+        )

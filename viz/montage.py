@@ -11,6 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
+from handsight.servoing.camera import Intrinsics
 from handsight.viz import palette
 from handsight.viz.errors import FigureError, RecordingError
 from handsight.viz.figures import STYLE, save_png
@@ -77,15 +78,21 @@ def _check(examples: Sequence[HeatmapExample]) -> None:
 def _draw_picture(axes: Axes, example: HeatmapExample) -> None:
     axes.imshow(example.view.rgb, interpolation="antialiased")
     frame = PictureFrame(camera=example.view.camera, plane_m=example.view.plane_m)
-    step = best_step(example.heatmap, frame)
+    draw_jaws(axes, frame, best_step(example.heatmap, frame), width_m=example.jaws_m, colour=palette.CHOSEN)
+
+
+def draw_jaws(
+    axes: Axes, frame: PictureFrame, step: tuple[float, float, float], *, width_m: float, colour: palette.Rgb
+) -> None:
+    """Draw the jaws, opened by ``width_m``, after a step (dx [m], dy [m], dangle [rad]) over a picture."""
     outline = [withStroke(linewidth=4.2, foreground="black")]
-    for number, strip in enumerate(frame.jaws(step, example.jaws_m)):
+    for number, strip in enumerate(frame.jaws(step, width_m)):
         # Matplotlib counts pixels from their centres, as handsight does.
         column_px, row_px = (strip - CENTRE_PX).T
         axes.plot(
             column_px,
             row_px,
-            color=np.array(palette.CHOSEN) / 255,
+            color=np.array(colour) / 255,
             linewidth=1.2 if number == 2 else 2.6,
             solid_capstyle="round",
             path_effects=outline if number != 2 else [withStroke(linewidth=2.6, foreground="black")],
@@ -127,14 +134,18 @@ def _draw_depth(axes: Axes, example: HeatmapExample) -> None:
 
 
 def _dress(axes: Axes, example: HeatmapExample, *, first_row: bool, name: str) -> None:
-    k = example.view.camera.intrinsics
-    axes.set_xlim(-CENTRE_PX, k.width - CENTRE_PX)
-    axes.set_ylim(k.height - CENTRE_PX, -CENTRE_PX)
-    axes.set_xticks([])
-    axes.set_yticks([])
-    axes.spines[:].set_visible(False)
+    frame_picture(axes, example.view.camera.intrinsics)
     if name:
         axes.set_ylabel(name, fontsize=8, labelpad=5)
     if first_row:
         label = "" if example.held is None else " · held" if example.held else " · empty"
         axes.set_title(example.title + label, fontsize=8, pad=5)
+
+
+def frame_picture(axes: Axes, k: Intrinsics) -> None:
+    """Cut everything drawn at the edges of the picture, and leave out the axes."""
+    axes.set_xlim(-CENTRE_PX, k.width - CENTRE_PX)
+    axes.set_ylim(k.height - CENTRE_PX, -CENTRE_PX)
+    axes.set_xticks([])
+    axes.set_yticks([])
+    axes.spines[:].set_visible(False)

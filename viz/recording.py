@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -10,6 +11,18 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from handsight.viz.errors import RecordingError
+
+
+def check_recording_path(path: Path) -> None:
+    """Refuse a place where no recording can be written, before long work is done for it.
+
+    Raises:
+        RecordingError: ``path`` is a folder, lies in none, or the folder may not be written to.
+    """
+    if path.is_dir() or not path.parent.is_dir():
+        raise RecordingError(f"cannot write a recording to {str(path)!r}, expected a file name in an existing folder")
+    if not os.access(path.parent, os.W_OK | os.X_OK):
+        raise RecordingError(f"cannot write a recording to {str(path)!r}: you may not write to {str(path.parent)!r}")
 
 
 @contextmanager
@@ -25,10 +38,9 @@ def write_recording(path: Path, *, kind: str, name: str, blueprint: rrb.Blueprin
         blueprint: The layout, stored in the file.
 
     Raises:
-        RecordingError: ``path`` is a folder or lies in none.
+        RecordingError: As for :func:`check_recording_path`.
     """
-    if path.is_dir() or not path.parent.is_dir():
-        raise RecordingError(f"cannot write a recording to {str(path)!r}, expected a file name in an existing folder")
+    check_recording_path(path)
     partial = path.with_name(f".{path.name}.partial")
     recording = rr.RecordingStream(kind, recording_id=name, send_properties=False)
     try:

@@ -93,7 +93,8 @@ class VolatileDisk:
         if state in self._durable:
             return self._durable[state]
         whole = files[state].read_bytes() if state in files else b""
-        return whole[: int(rng.choice([0, rng.integers(len(whole) + 1), len(whole)]))]
+        kept = (0, int(rng.integers(len(whole) + 1)), len(whole))
+        return whole[: kept[rng.integers(len(kept))]]
 
 
 def _files(folder: Path) -> list[Path]:
