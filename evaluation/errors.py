@@ -2,7 +2,8 @@
 
 EvaluationError
 ├── UnknownMethodError (ValueError)        no servo method of that name
-└── EvaluationSettingsError (ValueError)   settings out of range
+├── EvaluationSettingsError (ValueError)   settings out of range
+└── SuspectsError (ValueError)             attempts whose labels cannot be reviewed
 """
 
 
@@ -16,3 +17,7 @@ class UnknownMethodError(EvaluationError, ValueError):
 
 class EvaluationSettingsError(EvaluationError, ValueError):
     """Settings out of range."""
+
+
+class SuspectsError(EvaluationError, ValueError):
+    """Attempts whose labels cannot be reviewed."""

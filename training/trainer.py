@@ -65,18 +65,29 @@ class Epoch:
 
 
 def train(
-    data: GraspInputs, settings: TrainSettings, *, on_epoch: Callable[[Epoch], None] | None = None
+    data: GraspInputs,
+    settings: TrainSettings,
+    *,
+    rows: NDArray[np.int64] | None = None,
+    on_epoch: Callable[[Epoch], None] | None = None,
 ) -> tuple[GraspQualityNetwork, tuple[Epoch, ...]]:
     """Train on ``data``; the same data, settings and number of threads give the same weights.
+
+    Args:
+        data: Inputs and labels.
+        settings: The recipe.
+        rows: Positions of the attempts to use, as if there were no others; None uses all. Shape (M,).
+        on_epoch: Called after every pass.
 
     Raises:
         TrainingDataError: One class is missing, so there is nothing to tell apart.
     """
     labels = torch.from_numpy(data.labels)
-    positives = float(labels.sum())
-    if positives in (0.0, float(len(labels))):
+    used = torch.arange(len(labels)) if rows is None else torch.from_numpy(rows)
+    positives = float(labels[used].sum())
+    if positives in (0.0, float(len(used))):
         raise TrainingDataError(
-            f"{positives:.0f} of {len(labels)} attempts are successes, expected some of both: collect more attempts"
+            f"{positives:.0f} of {len(used)} attempts are successes, expected some of both: collect more attempts"
         )
     # Everything random hangs on one generator, but for the initial weights, which torch draws from its global one.
     generator = torch.Generator().manual_seed(settings.seed)
@@ -84,8 +95,8 @@ def train(
         torch.manual_seed(settings.seed)
         network = GraspQualityNetwork(settings.network)
 
-    shuffled = torch.randperm(len(labels), generator=generator)
-    held_out, trained_on = shuffled.tensor_split([int(settings.holdout * len(labels))])
+    shuffled = used[torch.randperm(len(used), generator=generator)]
+    held_out, trained_on = shuffled.tensor_split([int(settings.holdout * len(used))])
     trained_on = trained_on.sort().values  # memory-mapped reads run forwards
 
     # --- optimiser and schedule
@@ -107,13 +118,13 @@ def train(
                 continue  # batch normalisation has no variance over one input
 
             # --- batch: read, mirror, jitter
-            rows = trained_on[chosen // MIRRORINGS]
-            inputs = _read(data.inputs, rows)  # (B, 4, size, size)
+            attempts = trained_on[chosen // MIRRORINGS]
+            inputs = _read(data.inputs, attempts)  # (B, 4, size, size)
             inputs = settings.jitter(mirrored(inputs, chosen % MIRRORINGS), generator)
 
             # --- forward, backward, step
             logits = network(inputs)  # (B,)
-            loss = functional.binary_cross_entropy_with_logits(logits, labels[rows], pos_weight=positive_weight)
+            loss = functional.binary_cross_entropy_with_logits(logits, labels[attempts], pos_weight=positive_weight)
             optimiser.zero_grad(set_to_none=True)
             loss.backward()
             optimiser.step()
@@ -133,6 +144,17 @@ def predict(network: GraspQualityNetwork, inputs: NDArray[np.float16], rows: Ten
     score = Scorer(network)
     scores = [score(_read(inputs, batch)) for batch in rows.split(SCORE_BATCH) if len(batch)]
     return torch.cat(scores).numpy() if scores else np.empty(0, np.float32)
+
+
+def predict_mirrored(network: GraspQualityNetwork, inputs: NDArray[np.float16], rows: Tensor) -> NDArray[np.float32]:
+    """As :func:`predict`, averaged over the four mirrorings of each input. Shape (len(rows),)."""
+    score = Scorer(network)
+    scores = []
+    for batch in rows.split(SCORE_BATCH):
+        read = _read(inputs, batch)
+        variants = [score(mirrored(read, torch.full((len(batch),), which))) for which in range(MIRRORINGS)]
+        scores.append(torch.stack(variants).mean(dim=0))
+    return torch.cat(scores).numpy()
 
 
 def _read(inputs: NDArray[np.float16], rows: Tensor) -> Tensor:

@@ -7,31 +7,15 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pytest
 import torch
+from tests.training.drawn import SMALL, drawn_inputs
 
 from handsight.datasets.materialize import GraspInputs
 from handsight.servoing.homography import InputGrid
 from handsight.training.errors import CheckpointError, TrainerSettingsError, TrainingDataError
-from handsight.training.gqn import GqnConfig
 from handsight.training.run import CARD, WEIGHTS, DataOrigin, load_run, load_scorer, save_run
-from handsight.training.trainer import TrainSettings, predict, train
-
-SMALL = TrainSettings(
-    network=GqnConfig(widths=(8, 8), kernels=(3, 3), dense=(16,), size_px=16), epochs=8, batch=32, holdout=0.25, seed=1
-)
-
-
-def drawn_inputs(count: int, seed: int) -> GraspInputs:
-    """A grasp succeeds where something high stands in the middle, whatever the colours."""
-    rng = np.random.default_rng(seed)
-    labels = rng.random(count) < 0.3
-    inputs = rng.random((count, 4, 16, 16)).astype(np.float16)
-    inputs[:, 3] *= 0.01
-    inputs[labels, 3, 6:10, 6:10] -= 0.05
-    attempts = pd.DataFrame({"success": pd.array(labels, dtype="boolean")})
-    return GraspInputs(inputs=inputs, attempts=attempts)
+from handsight.training.trainer import TrainSettings, predict, predict_mirrored, train
 
 
 def test_training_learns_the_rule_and_it_carries_over() -> None:
@@ -55,6 +39,15 @@ def test_equal_seeds_give_equal_weights_and_leave_torch_alone() -> None:
     other = train(data, replace(quick, seed=2))[0].state_dict()
     assert all(torch.equal(first[name], second[name]) for name in first)
     assert not all(torch.equal(first[name], other[name]) for name in first)
+
+
+def test_mirrored_scores_are_the_mean_over_the_mirrorings_of_each_input() -> None:
+    data = drawn_inputs(50, seed=0)
+    network, _ = train(data, replace(SMALL, epochs=1))
+    rows = torch.tensor([3, 40, 8])
+    turned = [data.inputs[rows.numpy()][..., ::down, ::across] for down in (1, -1) for across in (1, -1)]
+    expected = np.mean([predict(network, inputs.copy(), torch.arange(3)) for inputs in turned], axis=0)
+    np.testing.assert_allclose(predict_mirrored(network, data.inputs, rows), expected, atol=1e-6)
 
 
 def test_one_class_alone_teaches_nothing() -> None:
