@@ -31,7 +31,7 @@ from handsight.datasets import (
     make_folds,
     read_folds,
 )
-from handsight.datasets.materialize import materialize
+from handsight.datasets.materialize import materialize, station_view
 from handsight.servoing.camera import HandCamera, Intrinsics
 from handsight.training.cross_validation import out_of_fold_scores
 from handsight.training.trainer import TrainSettings
@@ -207,6 +207,27 @@ def test_commands_in_the_recording_do_what_they_say(
     assert bool(rows.loc[first["attempt"], "success"]) is not first["success"]
     assert rows.index[rows["excluded"]].tolist() == [second["attempt"]]
     assert "rerun" in _told(capsys, path, recording)
+
+
+def test_the_recording_shows_each_grasp_where_it_was_attempted(
+    path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    recording = tmp_path / "suspects.rrd"
+    listed = suspects(capsys, path, "-n", "5", "--rrd", str(recording))
+    content = read_recording(recording, timeline="suspect")
+    dataset = GraspDataset.open(str(path))
+    data = materialize(dataset, view="overhead")
+    for step, one in enumerate(listed):
+        view = station_view(dataset.snapshot(one["attempt"]), HEADER.station)
+        k = view.camera.intrinsics
+        # The picture was taken over the origin, unturned; the tool's y axis points against the base's.
+        x_px = k.fx * 0.02 / view.plane_m + k.cx + 0.5
+        y_px = k.fy * 0.01 / view.plane_m + k.cy + 0.5
+        left, right = np.array(dict(content["/picture/jaws/line"]["LineStrips2D:strips"])[step][2])
+        np.testing.assert_allclose(0.5 * (left + right), [x_px, y_px], atol=1e-2)
+        inputs = data.inputs[data.attempts.index.get_loc(one["attempt"])]
+        raw = np.array(dict(content["/input/height"]["DepthImage:buffer"])[step][0], dtype=np.uint8).view(np.float32)
+        np.testing.assert_array_equal(raw, np.maximum(-inputs[3].astype(np.float32), 0).ravel())
 
 
 def _told(capsys: pytest.CaptureFixture[str], path: Path, recording: Path) -> str:
