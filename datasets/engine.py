@@ -179,9 +179,7 @@ def read_rows(array: zarr.Array[Any], start: int, stop: int) -> NDArray[Any]:
 
 def append_rows(array: zarr.Array[Any], rows: NDArray[Any]) -> None:
     """Add rows to the end of an array."""
-    start = array.shape[0]
-    array.resize((start + len(rows), *array.shape[1:]))
-    array[start:] = rows
+    end_with([(array, array.shape[0], rows)])
 
 
 def end_with(blocks: Sequence[tuple[zarr.Array[Any], int, NDArray[Any]]]) -> None:

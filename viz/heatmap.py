@@ -29,7 +29,7 @@ from handsight.viz.encoding import DEPTH_UNIT_M, depth_png, height_image, jpeg, 
 from handsight.viz.errors import RecordingError
 from handsight.viz.glyphs import Step, log_jaws, log_label
 from handsight.viz.pixels import PictureFrame, best_step, place_heatmap
-from handsight.viz.recording import write_recording
+from handsight.viz.recording import paused_layout, write_recording
 from handsight.viz.trace_layout import BACKGROUND, input_views, picture_bounds
 
 KIND = "handsight_heatmaps"
@@ -135,7 +135,7 @@ def _blueprint(examples: Sequence[HeatmapExample]) -> rrb.Blueprint:
             name=name, origin=origin, contents=contents, background=BACKGROUND, visual_bounds=bounds
         )
 
-    return rrb.Blueprint(
+    return paused_layout(
         rrb.Vertical(
             rrb.Horizontal(
                 picture("Picture", "/picture", ["/picture/rgb"]),
@@ -152,9 +152,6 @@ def _blueprint(examples: Sequence[HeatmapExample]) -> rrb.Blueprint:
             ),
             row_shares=[0.58, 0.42],
         ),
-        rrb.TimePanel(timeline=TIMELINE, play_state="paused", fps=1.0, state="collapsed"),
-        rrb.BlueprintPanel(state="hidden"),
-        rrb.SelectionPanel(state="hidden"),
-        auto_layout=False,
-        auto_views=False,
+        timeline=TIMELINE,
+        fps=1.0,
     )

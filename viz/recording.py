@@ -54,3 +54,15 @@ def write_recording(path: Path, *, kind: str, name: str, blueprint: rrb.Blueprin
     finally:
         recording.disconnect()
         partial.unlink(missing_ok=True)
+
+
+def paused_layout(content: rrb.Container, *, timeline: str, fps: float) -> rrb.Blueprint:
+    """The layout of every recording: the content, paused on its timeline, and nothing else open."""
+    return rrb.Blueprint(
+        content,
+        rrb.TimePanel(timeline=timeline, play_state="paused", fps=fps, state="collapsed"),
+        rrb.BlueprintPanel(state="hidden"),
+        rrb.SelectionPanel(state="hidden"),
+        auto_layout=False,
+        auto_views=False,
+    )

@@ -26,7 +26,7 @@ from handsight.viz.encoding import DEPTH_UNIT_M, depth_png, height_image, jpeg, 
 from handsight.viz.errors import RecordingError
 from handsight.viz.glyphs import Step, log_jaws, log_label
 from handsight.viz.pixels import PictureFrame
-from handsight.viz.recording import write_recording
+from handsight.viz.recording import paused_layout, write_recording
 from handsight.viz.trace_layout import BACKGROUND, input_views
 
 KIND = "handsight_suspects"
@@ -151,7 +151,7 @@ def _blueprint(examples: Sequence[SuspectExample]) -> rrb.Blueprint:
             name=name, origin="/picture", contents=contents, background=BACKGROUND, visual_bounds=bounds
         )
 
-    return rrb.Blueprint(
+    return paused_layout(
         rrb.Vertical(
             rrb.Horizontal(picture("Picture · attempted grasp", "depth"), picture("Depth", "rgb")),
             rrb.Horizontal(
@@ -165,9 +165,6 @@ def _blueprint(examples: Sequence[SuspectExample]) -> rrb.Blueprint:
             ),
             row_shares=[0.6, 0.4],
         ),
-        rrb.TimePanel(timeline=TIMELINE, play_state="paused", fps=1.0, state="collapsed"),
-        rrb.BlueprintPanel(state="hidden"),
-        rrb.SelectionPanel(state="hidden"),
-        auto_layout=False,
-        auto_views=False,
+        timeline=TIMELINE,
+        fps=1.0,
     )

@@ -11,6 +11,8 @@ from dataclasses import dataclass
 import rerun as rr
 import rerun.blueprint as rrb
 
+from handsight.viz.recording import paused_layout
+
 TIMELINE = "servo_step"
 
 CAMERA = "/world/tool/camera"
@@ -37,7 +39,7 @@ class TraceRanges:
 
 def trace_blueprint(ranges: TraceRanges) -> rrb.Blueprint:
     """Scene, pictures and network input above; plots and text below."""
-    return rrb.Blueprint(
+    return paused_layout(
         rrb.Vertical(
             rrb.Horizontal(
                 _scene_views(ranges),
@@ -48,11 +50,8 @@ def trace_blueprint(ranges: TraceRanges) -> rrb.Blueprint:
             rrb.Horizontal(*_plots(ranges), _texts(), column_shares=[0.36, 0.36, 0.28]),
             row_shares=[0.64, 0.36],
         ),
-        rrb.TimePanel(timeline=TIMELINE, play_state="paused", fps=2.0, state="collapsed"),
-        rrb.BlueprintPanel(state="hidden"),
-        rrb.SelectionPanel(state="hidden"),
-        auto_layout=False,
-        auto_views=False,
+        timeline=TIMELINE,
+        fps=2.0,
     )
 
 
