@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from handsight.datasets import PHASES, GraspAttempt, GripperReadings, Outcome, SessionHeader, Snapshot
 
@@ -59,3 +60,8 @@ def _snapshot(header: SessionHeader, rng: np.random.Generator, *, height_m: floa
         depth=np.clip(np.round(depth), 0, 65535).astype(np.uint16),
         pose_base_tool=np.eye(4),
     )
+
+
+def png(picture: NDArray[np.generic]) -> bytes:
+    """A picture as OpenCV writes it to a PNG file."""
+    return bytes(cv2.imencode(".png", np.asarray(picture))[1])

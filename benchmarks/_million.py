@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ulid import ULID
 
 from handsight.datasets import GraspRepository, Outcome, SessionHeader, StationCard
-from handsight.datasets.engine import append_rows, array_at, group_at
+from handsight.datasets.arrays import append_rows, array_at, group_at
 from handsight.datasets.schema import COLUMNS, PACKED_CHUNK_ROWS, SESSIONS, VIEWS, Slots, create_arrays
 from handsight.datasets.sessions import new_session_attributes, sealed_attributes
 from handsight.servoing.camera import HandCamera, Intrinsics

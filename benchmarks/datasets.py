@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import statistics
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
@@ -16,23 +15,21 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from benchmarks import Figure, duration_s, median_rate, median_s
-from benchmarks._frames import rendered_attempts
-from benchmarks._million import header_of, write_million
-from handsight.datasets import GraspDataset, GraspRepository, SessionHeader, SessionWriter
+from benchmarks import Figure, median_rate, median_s
+from benchmarks._frames import png
+from benchmarks._million import write_million
+from benchmarks._recording import recording_figures
+from handsight.datasets import GraspDataset, GraspRepository
 from handsight.datasets.diff import diff_versions
 from handsight.datasets.loading import GraspLoader, epoch_order
 from handsight.datasets.materialize import GraspInputs
-from handsight.datasets.records import GraspAttempt
 from handsight.datasets.torch_dataset import TorchGrasps
-from handsight.datasets.verify import verify
 
 SAMPLES = 20_000
 PEER_SAMPLES = 2_000
 """Peers are read for so many samples of the same data: they take minutes for all of it."""
 BATCH = 200
 SEED = 0
-ATTEMPTS = 48
 
 
 def run() -> list[Figure]:
@@ -40,7 +37,7 @@ def run() -> list[Figure]:
     with tempfile.TemporaryDirectory(prefix="handsight-bench-") as folder:
         path = Path(folder)
         figures = [_batches(path / "inputs")]
-        figures += _recording(path / "recording")
+        figures += recording_figures(path / "recording")
         figures += _million(path / "million")
     return figures
 
@@ -116,8 +113,8 @@ def _read_hdf5(path: Path, order: NDArray[np.int64]) -> None:
 def _write_parquet(path: Path, inputs: NDArray[np.float16]) -> None:
     colours, heights = [], []
     for one in inputs:
-        colours.append(_png((one[:3].transpose(1, 2, 0) * np.float16(255)).astype(np.uint8)))
-        heights.append(_png((one[3].astype(np.float32) * 65535).astype(np.uint16)))
+        colours.append(png((one[:3].transpose(1, 2, 0) * np.float16(255)).astype(np.uint8)))
+        heights.append(png((one[3].astype(np.float32) * 65535).astype(np.uint16)))
     labels = np.zeros(len(inputs), np.float32)
     pq.write_table(pa.table({"rgb": colours, "height": heights, "success": labels}), path, row_group_size=1000)
 
@@ -134,89 +131,8 @@ def _read_parquet(path: Path, order: NDArray[np.int64]) -> None:
         np.stack(samples)
 
 
-def _png(picture: NDArray[np.generic]) -> bytes:
-    return bytes(cv2.imencode(".png", np.asarray(picture))[1])
-
-
 def _decoded(data: pa.Buffer) -> NDArray[Any]:
     return np.asarray(cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED))
-
-
-def _recording(folder: Path) -> list[Figure]:
-    """Writing whole attempts: rate, size, commit, and reading them back to verify them."""
-    header = header_of(SEED)
-    attempts = rendered_attempts(header, ATTEMPTS, np.random.default_rng(SEED))
-    pngs = [_png_pair_bytes(attempt) for attempt in attempts]
-    raw = sum(_raw_bytes(attempt) for attempt in attempts)
-    written = iter(range(1_000))
-
-    def record() -> None:
-        _record(folder / f"grasps-{next(written)}", header, attempts)
-
-    write_rate = median_rate(record, ATTEMPTS, runs=3)
-    png_rate = median_rate(lambda: [_png_pair_bytes(attempt) for attempt in attempts], ATTEMPTS, runs=3)
-    dataset = GraspDataset.open(str(folder / "grasps-0"))
-    return [
-        Figure(
-            name="attempts written",
-            ours=write_rate,
-            unit="attempts/s",
-            peers={"PNG pairs, encoding alone": png_rate},
-            n=ATTEMPTS,
-            what="Attempts with two 640x480 RGB-D pictures appended, checked, digested and committed, and synced.",
-        ),
-        Figure(
-            name="lossless size",
-            ours=dataset.info().bytes / ATTEMPTS,
-            unit="bytes/attempt",
-            floor=float(np.mean(pngs)),
-            peers={"raw": raw / ATTEMPTS},
-            n=ATTEMPTS,
-            what="Bytes on disk for each attempt, history and all; the floor is its pictures as PNG pairs.",
-        ),
-        _commit(folder / "commits", header, attempts),
-        Figure(
-            name="verify",
-            ours=raw / 1e6 / median_s(lambda: verify(dataset), runs=3),
-            unit="MB/s",
-            n=ATTEMPTS,
-            what="Decoded bytes of pictures read back, checked and compared with the digests, on all cores.",
-        ),
-    ]
-
-
-def _record(path: Path, header: SessionHeader, attempts: list[GraspAttempt], every: int = 16) -> None:
-    writer = SessionWriter.begin(GraspRepository.create(path), header)
-    for attempt in attempts:
-        writer.append(attempt)
-        if writer.next_number % every == 0:
-            writer.commit()
-    writer.seal()
-
-
-def _commit(path: Path, header: SessionHeader, attempts: list[GraspAttempt]) -> Figure:
-    """One commit of one attempt to a session that holds some, durably."""
-    writer = SessionWriter.begin(GraspRepository.create(path), header)
-    durations_s = []
-    for attempt in attempts:
-        writer.append(attempt)
-        durations_s.append(duration_s(writer.commit))
-    return Figure(
-        name="commit",
-        ours=1e3 * statistics.median(durations_s[1:]),
-        unit="ms",
-        n=len(durations_s) - 1,
-        what="One commit of one attempt with two 640x480 RGB-D pictures to a session that holds some, synced.",
-    )
-
-
-def _raw_bytes(attempt: GraspAttempt) -> int:
-    return sum(view.rgb.nbytes + view.depth.nbytes for view in (attempt.overhead, attempt.pregrasp) if view)
-
-
-def _png_pair_bytes(attempt: GraspAttempt) -> int:
-    views = [view for view in (attempt.overhead, attempt.pregrasp) if view]
-    return sum(len(_png(view.rgb)) + len(_png(view.depth)) for view in views)
 
 
 def _million(path: Path) -> list[Figure]:

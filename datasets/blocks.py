@@ -2,24 +2,39 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Coroutine, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import zarr
 from numpy.typing import NDArray
+from zarr.storage import MemoryStore
 
+from handsight.datasets.arrays import (
+    Arrays,
+    Layouts,
+    append_rows,
+    array_at,
+    end_with,
+    end_with_chunks,
+    group_at,
+    layouts_of,
+    read_rows,
+)
 from handsight.datasets.digest import attempt_digest
-from handsight.datasets.engine import append_rows, array_at, end_with, group_at, read_rows
+from handsight.datasets.encoding import EncodedFrames, frame_paths
 from handsight.datasets.errors import RecordError
 from handsight.datasets.records import GraspAttempt, SessionHeader, Snapshot
 from handsight.datasets.rows import snapshot_of, to_row
-from handsight.datasets.schema import COLUMN_CHUNK_ROWS, COLUMNS, VIEWS, View, create_array, slots_of
+from handsight.datasets.schema import COLUMN_CHUNK_ROWS, COLUMNS, VIEWS, View, create_array, create_arrays, slots_of
 from handsight.datasets.validation import attempt_faults
 
 Columns = dict[str, NDArray[Any]]
 """The values of one attempt by the path of their array in the session's group: everything but the frames."""
+
+Write = Coroutine[Any, Any, None]
+"""One of the writes that :func:`~handsight.datasets.arrays.together` does."""
 
 LastChunks = Mapping[str, NDArray[Any]]
 """The rows of the last, unfinished chunk of every column, by its path in the session's group."""
@@ -52,43 +67,48 @@ def prepare(attempt: GraspAttempt, header: SessionHeader, *, session: str, numbe
     return PreparedAttempt(columns={**columns, **poses}, snapshots=snapshots)
 
 
-def write_columns(
-    group: zarr.Group, rows: Sequence[Columns], *, stored: int, last_chunks: LastChunks
-) -> dict[str, NDArray[Any]]:
-    """Append rows to every column of a session that holds ``stored``; returns the new last chunks."""
+def new_layouts(header: SessionHeader) -> Layouts:
+    """The arrays of a session that begins, as they are to be created."""
+    group = zarr.open_group(MemoryStore(), mode="w")
+    create_arrays(group, header)
+    return layouts_of(session_arrays(group))
+
+
+def session_arrays(group: zarr.Group) -> Arrays:
+    """All arrays of a session.
+
+    Raises:
+        CorruptDataError: One is missing or damaged.
+    """
+    return {path: array_at(group, path) for path in (*column_paths(), *frame_paths())}
+
+
+def column_writes(
+    arrays: Arrays, rows: Sequence[Columns], *, stored: int, last_chunks: LastChunks
+) -> tuple[list[Write], LastChunks]:
+    """What appends rows to every column of a session that holds ``stored``; and the new last chunks."""
     stop = stored + len(rows)
-    blocks, finished = [], {}
+    writes, finished = [], {}
     for path in column_paths():
-        array = array_at(group, path)
+        array = arrays[path]
         start = chunk_start(stored, array.chunks[0])
         # Whole chunks from memory: a partial write would first read the last chunk back, at twice the time.
         block = [row[path] for row in rows]
         whole = np.concatenate([last_chunks[path], block]) if stored > start else np.stack(block)
-        blocks.append((array, start, whole))
+        writes.append(end_with(array, start, whole))
         finished[path] = whole[chunk_start(stop, array.chunks[0]) - start :]
-    end_with(blocks)
-    return finished
+    return writes, finished
 
 
-def write_pictures(group: zarr.Group, block: Sequence[PreparedAttempt], *, stored: int) -> None:
-    """Append the frames; zarr compresses them on all cores. A frame never taken stays a fill value."""
-    for view in VIEWS:
-        blocks = []
-        for name in ("rgb", "depth"):
-            array = array_at(group, f"{view}/{name}")
-            frames = np.zeros((len(block), *array.shape[1:]), dtype=array.dtype)
-            for frame, one in zip(frames, block, strict=True):
-                snapshot = one.snapshots[view]
-                if snapshot is not None:
-                    frame[:] = getattr(snapshot, name)
-            blocks.append((array, stored, frames))
-        end_with(blocks)
+def frame_writes(arrays: Arrays, frames: Sequence[EncodedFrames], *, stored: int) -> list[Write]:
+    """What appends the pictures of attempts, which :class:`FrameEncoder` has encoded for these arrays."""
+    return [end_with_chunks(arrays[path], stored, [one.get(path) for one in frames]) for path in frame_paths()]
 
 
-def read_last_chunks(group: zarr.Group, *, stored: int) -> dict[str, NDArray[Any]]:
+def read_last_chunks(arrays: Arrays, *, stored: int) -> LastChunks:
     """The last chunks of a session, as :func:`write_columns` wants them once its columns are no longer packed."""
     start = chunk_start(stored, COLUMN_CHUNK_ROWS)
-    return {path: read_rows(array_at(group, path), start, stored) for path in column_paths()}
+    return {path: read_rows(arrays[path], start, stored) for path in column_paths()}
 
 
 def column_paths() -> list[str]:

@@ -138,3 +138,9 @@ class DatasetBusyError(DatasetError, TimeoutError):
 
 class ForkedProcessError(DatasetError, RuntimeError):
     """An open dataset was used in a forked child, where the storage engine would hang."""
+
+
+def headline(error: Exception) -> str:
+    """The first line of an error's message, for another's; Icechunk adds a Rust backtrace below it."""
+    lines = [line.strip(" x×") for line in str(error).splitlines() if line.strip(" x×")]
+    return lines[0] if lines else type(error).__name__

@@ -23,8 +23,8 @@ import zarr
 from numpy.typing import NDArray
 
 from handsight.datasets.address import DEFAULT_REF
+from handsight.datasets.arrays import append_rows, array_at, group_at, read_rows
 from handsight.datasets.change import change_branch
-from handsight.datasets.engine import append_rows, array_at, group_at, read_rows
 from handsight.datasets.errors import FoldsError, RefNameError, UnknownNameError
 from handsight.datasets.keys import KEY_BYTES, ids_from_keys, keys_from_ids
 from handsight.datasets.provenance import utc_now

@@ -10,8 +10,9 @@ from dataclasses import dataclass
 import zarr
 
 from handsight.datasets.address import DEFAULT_REF
+from handsight.datasets.arrays import array_at, group_at
 from handsight.datasets.branches import create_branch, delete_branch
-from handsight.datasets.engine import array_at, engine_errors, group_at
+from handsight.datasets.engine import engine_errors
 from handsight.datasets.older import columns_since, current_attributes
 from handsight.datasets.repository import GraspRepository
 from handsight.datasets.schema import SCHEMA_VERSION, SESSIONS, Slots, create_array

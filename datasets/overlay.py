@@ -27,7 +27,7 @@ import pandas as pd
 import zarr
 from numpy.typing import NDArray
 
-from handsight.datasets.engine import append_rows, array_at, group_at, read_rows
+from handsight.datasets.arrays import append_rows, array_at, group_at, read_rows
 from handsight.datasets.keys import KEY_BYTES, ids_from_keys, keys_from_ids
 from handsight.datasets.rows import text_from_bytes, text_to_bytes
 from handsight.datasets.schema import create_array

@@ -13,8 +13,8 @@ import zarr
 from numpy.typing import NDArray
 
 from handsight.datasets.address import DatasetAddress
+from handsight.datasets.arrays import array_at, group_at, read_rows
 from handsight.datasets.digest import dataset_digest
-from handsight.datasets.engine import array_at, group_at, read_rows
 from handsight.datasets.errors import (
     AttemptNotFoundError,
     CorruptDataError,

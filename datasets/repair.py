@@ -15,11 +15,11 @@ from typing import Protocol
 import numpy as np
 import zarr
 
+from handsight.datasets.arrays import array_at, group_at, read_rows
 from handsight.datasets.blocks import PreparedAttempt, chunk_start, column_paths, prepare
 from handsight.datasets.branches import create_branch, delete_branch
 from handsight.datasets.change import change_branch
 from handsight.datasets.curation import Curator
-from handsight.datasets.engine import array_at, group_at, read_rows
 from handsight.datasets.errors import CorruptDataError
 from handsight.datasets.overlay import REASON_BYTES
 from handsight.datasets.reader import GraspDataset

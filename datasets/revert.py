@@ -15,9 +15,9 @@ import zarr
 from numpy.typing import NDArray
 
 from handsight.datasets.address import DEFAULT_REF
+from handsight.datasets.arrays import array_at, copy_group, group_at, read_rows
 from handsight.datasets.blocks import chunk_start, column_paths, rechunk_columns
 from handsight.datasets.change import change_branch
-from handsight.datasets.engine import array_at, copy_group, group_at, read_rows
 from handsight.datasets.reader import GraspDataset
 from handsight.datasets.repository import GraspRepository
 from handsight.datasets.schema import SESSIONS, VIEWS

@@ -10,8 +10,8 @@ from typing import Any
 import zarr
 
 from handsight.datasets.address import DEFAULT_REF
+from handsight.datasets.arrays import group_at
 from handsight.datasets.change import change_branch
-from handsight.datasets.engine import group_at
 from handsight.datasets.errors import RefNameError, UnknownNameError
 from handsight.datasets.provenance import utc_now
 from handsight.datasets.reader import GraspDataset

@@ -222,8 +222,8 @@ def create_arrays(session: zarr.Group, header: SessionHeader, *, column_rows: in
     for view in VIEWS:
         group = session.create_group(view)
         frame = (intrinsics.height, intrinsics.width)
-        create_frames(group, "rgb", dtype="uint8", frame=(*frame, 3))
-        create_frames(group, "depth", dtype="uint16", frame=frame, attributes={"unit": "depth_scale_m"})
+        create_rgb(group, "rgb", frame=frame)
+        create_depth(group, "depth", frame=frame)
         pose = {"unit": "m"}
         create_array(group, "pose_base_tool", dtype="float64", row=(4, 4), rows=column_rows, fill=_NAN, attributes=pose)
     attempts = session.create_group("attempts")
@@ -239,31 +239,29 @@ def create_arrays(session: zarr.Group, header: SessionHeader, *, column_rows: in
         )
 
 
-def create_frames(
-    group: zarr.Group, name: str, *, dtype: str, frame: tuple[int, ...], attributes: dict[str, Any] | None = None
-) -> None:
-    """Create an array of pictures, one in each chunk, as differences between neighbouring pixels of a row.
+def create_rgb(group: zarr.Group, name: str, *, frame: tuple[int, int]) -> None:
+    """Create an array of colour pictures, one in each chunk, as differences between neighbouring pixels of a row.
 
     As small as PNG and quicker to write (decision 010). All of it is in the array's own metadata, so zarr alone reads
     it. Frames one pixel wide or high are stored as they are: ``Delta`` flattens those in another order than it
     restores them.
     """
-    height, width, *channels = frame
     filters: tuple[ArrayArrayCodec, ...] = ()
-    if height > 1 and width > 1:
-        by_row = (0, 1, 3, 2) if channels else (0, 1, 2)  # Each row's reds, then its greens, then its blues.
-        # The same bits as unsigned differences; NumPy sums signed bytes up four times as fast.
-        signed = np.dtype(dtype.removeprefix("u"))
-        filters = (TransposeCodec(order=by_row), Delta(dtype=signed.str))
-    _create(
-        group,
-        name,
-        dtype=dtype,
-        chunk=(1, *frame),
-        filters=filters,
-        compressor=ZstdCodec(level=1),
-        attributes=attributes,
-    )
+    if min(frame) > 1:
+        # Each row's reds, then its greens, then its blues. Signed differences have the same bits as unsigned ones,
+        # and NumPy sums them up four times as fast.
+        filters = (TransposeCodec(order=(0, 1, 3, 2)), Delta(dtype="|i1"))
+    compressor = ZstdCodec(level=1)
+    _create(group, name, dtype="uint8", chunk=(1, *frame, 3), filters=filters, compressor=compressor)
+
+
+def create_depth(group: zarr.Group, name: str, *, frame: tuple[int, int]) -> None:
+    """Create an array of depth pictures, one in each chunk: all high bytes, then all low bytes (decision 010)."""
+    height, width = frame
+    # One block for the whole frame: what repeats is found wherever it was before.
+    blosc = BloscCodec(typesize=2, cname="zstd", clevel=1, shuffle="shuffle", blocksize=2 * height * width)
+    unit = {"unit": "depth_scale_m"}
+    _create(group, name, dtype="uint16", chunk=(1, *frame), compressor=blosc, attributes=unit)
 
 
 def create_array(
@@ -290,7 +288,7 @@ def _create(
     compressor: BytesBytesCodec,
     filters: tuple[ArrayArrayCodec, ...] = (),
     fill: float | int | bool = 0,
-    attributes: dict[str, Any] | None,
+    attributes: dict[str, Any] | None = None,
 ) -> None:
     group.create_array(
         name,

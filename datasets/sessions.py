@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 import zarr
 
-from handsight.datasets.engine import array_at, group_at
+from handsight.datasets.arrays import array_at, group_at
 from handsight.datasets.errors import CorruptDataError
 from handsight.datasets.header import canonical_json, config_digest, header_from_json, header_to_json
 from handsight.datasets.provenance import code_version, package_versions, utc_now

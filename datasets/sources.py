@@ -10,7 +10,7 @@ from typing import Any
 import zarr
 from ulid import ULID
 
-from handsight.datasets.engine import array_at, group_at, read_rows
+from handsight.datasets.arrays import array_at, group_at, read_rows
 from handsight.datasets.errors import InterchangeError
 from handsight.datasets.header import canonical_json, config_digest
 from handsight.datasets.older import columns_of, current_attributes, empty_columns

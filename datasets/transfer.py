@@ -14,11 +14,20 @@ from itertools import islice
 from typing import Any
 
 import zarr
-from numpy.typing import NDArray
 
 from handsight.datasets.address import DEFAULT_REF
-from handsight.datasets.blocks import Columns, PreparedAttempt, prepare, write_columns, write_pictures
-from handsight.datasets.engine import array_at, engine_errors, group_at, read_rows
+from handsight.datasets.arrays import array_at, group_at, layouts_of, read_rows, together
+from handsight.datasets.blocks import (
+    Columns,
+    LastChunks,
+    PreparedAttempt,
+    column_writes,
+    frame_writes,
+    prepare,
+    session_arrays,
+)
+from handsight.datasets.encoding import FrameEncoder
+from handsight.datasets.engine import engine_errors
 from handsight.datasets.errors import CorruptDataError, MergeError, SessionConflictError
 from handsight.datasets.folder import check_current
 from handsight.datasets.overlay import Action, Decision, append_decision, read_overlay
@@ -189,23 +198,28 @@ def _write(
 def _write_session(group: zarr.Group, source: SessionSource, on_attempt: Callable[[], None] | None) -> None:
     column_rows = packed_rows(source.attributes["status"], source.size)
     create_arrays(group, source.header, column_rows=column_rows)
+    arrays = session_arrays(group)
+    encoder = FrameEncoder(layouts_of(arrays))
     attempts = _prepared(source)
     rows: list[Columns] = []
     stored = 0
-    last_chunks: dict[str, NDArray[Any]] = {}
+    last_chunks: LastChunks = {}
     while block := list(islice(attempts, BLOCK_FRAMES)):
-        write_pictures(group, block, stored=stored + len(rows))
+        frames = [encoder.encode(one.snapshots) for one in block]
+        together(frame_writes(arrays, frames, stored=stored + len(rows)))
         rows += [one.columns for one in block]
         # Columns in whole chunks: a chunk that is written twice leaves its first version behind as garbage.
         if len(rows) == column_rows or len(block) < BLOCK_FRAMES:
-            last_chunks = write_columns(group, rows, stored=stored, last_chunks=last_chunks)
+            writes, last_chunks = column_writes(arrays, rows, stored=stored, last_chunks=last_chunks)
+            together(writes)
             stored += len(rows)
             rows = []
         if on_attempt is not None:
             for _ in block:
                 on_attempt()
     if rows:
-        write_columns(group, rows, stored=stored, last_chunks=last_chunks)
+        writes, _ = column_writes(arrays, rows, stored=stored, last_chunks=last_chunks)
+        together(writes)
         stored += len(rows)
     if stored != source.size:
         raise CorruptDataError(f"session {source.ulid} ends after {stored} attempts, expected {source.size}")

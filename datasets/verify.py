@@ -19,9 +19,9 @@ import numpy as np
 import zarr
 from numpy.typing import NDArray
 
+from handsight.datasets.arrays import READ_FAILURES, array_at, group_at, read_rows
 from handsight.datasets.blocks import column_paths
 from handsight.datasets.digest import attempt_digest
-from handsight.datasets.engine import READ_FAILURES, array_at, group_at, read_rows
 from handsight.datasets.errors import CorruptDataError
 from handsight.datasets.folds import FOLDS
 from handsight.datasets.overlay import CURATION

@@ -2,31 +2,34 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from types import TracebackType
 from typing import Any
 
 import zarr
-from numpy.typing import NDArray
 from ulid import ULID
 
 from handsight.datasets.address import DEFAULT_REF
+from handsight.datasets.arrays import Arrays, Layouts, array_at, arrays_with, group_at, layouts_of, together
 from handsight.datasets.blocks import (
-    PreparedAttempt,
+    Columns,
+    LastChunks,
+    column_writes,
+    frame_writes,
+    new_layouts,
     prepare,
     read_last_chunks,
     rechunk_columns,
-    write_columns,
-    write_pictures,
+    session_arrays,
 )
-from handsight.datasets.engine import array_at, engine_errors, group_at
+from handsight.datasets.encoding import EncodedFrames, FrameEncoder
+from handsight.datasets.engine import engine_errors
 from handsight.datasets.errors import (
     HeaderError,
     SessionConflictError,
     SessionNotFoundError,
 )
 from handsight.datasets.folder import check_current
-from handsight.datasets.records import GraspAttempt, SessionHeader, Snapshot
+from handsight.datasets.records import GraspAttempt, SessionHeader
 from handsight.datasets.repository import GraspRepository
 from handsight.datasets.schema import COLUMN_CHUNK_ROWS, SESSIONS, attempt_id, create_arrays, packed_rows
 from handsight.datasets.sessions import (
@@ -41,23 +44,35 @@ from handsight.datasets.validation import header_faults
 class SessionWriter:
     """The one writer of a session.
 
-    Attempts are appended one by one and stored by :meth:`commit`, all of them in one snapshot. Until then they are
-    held in memory, about 3 MB for an attempt with two pictures of 640x480; commit every few dozen.
+    Attempts are appended one by one, which compresses their pictures, and stored by :meth:`commit`, all of them in one
+    snapshot. Until then they are held in memory, about 1 MB for an attempt with two pictures of 640x480; commit every
+    few dozen.
 
     As a context manager it commits what is left on a clean exit. After an exception it drops what was appended since
     the last commit, and nothing else.
     """
 
     def __init__(
-        self, repository: GraspRepository, header: SessionHeader, *, session: str, branch: str, stored: int
+        self,
+        repository: GraspRepository,
+        header: SessionHeader,
+        *,
+        session: str,
+        branch: str,
+        layouts: Layouts,
+        stored: int = 0,
+        last_chunks: LastChunks | None = None,
     ) -> None:
         self.repository = repository
         self.header = header
         self.session = session
         self.branch = branch
         self._stored = stored
-        self._pending: list[PreparedAttempt] = []
-        self._last_chunks: dict[str, NDArray[Any]] = {}
+        self._layouts = layouts
+        self._last_chunks = last_chunks or {}
+        self._encoder = FrameEncoder(layouts)
+        self._rows: list[Columns] = []
+        self._frames: list[EncodedFrames] = []
 
     @classmethod
     def begin(cls, repository: GraspRepository, header: SessionHeader, branch: str = DEFAULT_REF) -> SessionWriter:
@@ -70,7 +85,7 @@ class SessionWriter:
                 would record the same attempts. Sessions without a seed never repeat each other.
         """
         _check_header(header)
-        writer = cls(repository, header, session=str(ULID()), branch=branch, stored=0)
+        writer = cls(repository, header, session=str(ULID()), branch=branch, layouts=new_layouts(header))
         writer._refuse_repetition(_branch_root(repository, branch))
         return writer
 
@@ -94,26 +109,33 @@ class SessionWriter:
                 f"{header.seed} and this configuration to resume: start it without --resume"
             )
         session = matches[-1]
-        writer = cls(repository, session.header, session=session.ulid, branch=branch, stored=session.attempts)
-        group = group_at(root, f"{SESSIONS}/{session.ulid}")
-        writer._last_chunks = read_last_chunks(group, stored=session.attempts)
-        return writer
+        arrays = session_arrays(group_at(root, f"{SESSIONS}/{session.ulid}"))
+        return cls(
+            repository,
+            session.header,
+            session=session.ulid,
+            branch=branch,
+            layouts=layouts_of(arrays),
+            stored=session.attempts,
+            last_chunks=read_last_chunks(arrays, stored=session.attempts),
+        )
 
     @property
     def next_number(self) -> int:
         """The number that the next attempt must have."""
-        return self._stored + len(self._pending)
+        return self._stored + len(self._rows)
 
     def append(self, attempt: GraspAttempt) -> str:
-        """Take an attempt, by copy, and return its id. It is stored by the next commit.
+        """Take an attempt, compress its pictures and return its id. It is stored by the next commit.
 
         Raises:
             RecordError: The attempt cannot be recorded; the message lists every fault and nothing has changed.
         """
         self.repository.check_process()
         prepared = prepare(attempt, self.header, session=self.session, number=self.next_number)
-        snapshots = {view: _copy(snapshot) for view, snapshot in prepared.snapshots.items()}
-        self._pending.append(replace(prepared, snapshots=snapshots))
+        frames = self._encoder.encode(prepared.snapshots)
+        self._rows.append(prepared.columns)
+        self._frames.append(frames)
         return attempt_id(self.session, attempt.number)
 
     def commit(self, message: str = "") -> str | None:
@@ -126,7 +148,7 @@ class SessionWriter:
             StorageError: The disk is full or not writable.
             DatasetBusyError: Another process held the commit lock for too long.
         """
-        return self._commit(message, open_attributes()) if self._pending else None
+        return self._commit(message, open_attributes()) if self._rows else None
 
     def seal(self, message: str = "") -> str | None:
         """Commit what is left and mark the session as complete. A session without attempts leaves no trace.
@@ -144,22 +166,21 @@ class SessionWriter:
     ) -> None:
         if kind is None:
             self.commit()
-        self._pending.clear()
+        self._drop_appended()
 
     def _commit(self, message: str, attributes: dict[str, Any]) -> str:
-        added = len(self._pending)
+        added = len(self._rows)
         if not message:
             verb = "seal" if attributes["status"] == "sealed" else "record"
             message = f"{verb} session {self.session}, {added} attempt{'' if added == 1 else 's'}"
         change = self.repository.writable(self.branch)
         with engine_errors(f"cannot write to {self.repository.path}"):
-            group = self._open_group(zarr.open_group(change.store, mode="r+"))
-            group.update_attributes(attributes)
+            group, arrays = self._open(zarr.open_group(change.store, mode="r+"))
+            group.update_attributes(attributes)  # Even if they say the same, so that two writers collide.
             last_chunks = self._last_chunks
             if added:
-                rows = [one.columns for one in self._pending]
-                last_chunks = write_columns(group, rows, stored=self._stored, last_chunks=last_chunks)
-                write_pictures(group, self._pending, stored=self._stored)
+                writes, last_chunks = column_writes(arrays, self._rows, stored=self._stored, last_chunks=last_chunks)
+                together([*frame_writes(arrays, self._frames, stored=self._stored), *writes])
             if attributes["status"] == "sealed":
                 rechunk_columns(group, packed_rows("sealed", self.next_number))
         if not change.has_uncommitted_changes:
@@ -173,15 +194,20 @@ class SessionWriter:
         )
         self._stored += added
         self._last_chunks = last_chunks
-        self._pending.clear()
+        self._layouts = layouts_of(arrays)
+        self._drop_appended()
         return snapshot_id
 
-    def _open_group(self, root: zarr.Group) -> zarr.Group:
-        """The session's group; created by the first commit, so that an aborted start leaves nothing behind."""
+    def _drop_appended(self) -> None:
+        self._rows.clear()
+        self._frames.clear()
+
+    def _open(self, root: zarr.Group) -> tuple[zarr.Group, Arrays]:
+        """The session's group, created by the first commit, so that an aborted start leaves nothing behind."""
         if not self._stored:
             group = group_at(root, SESSIONS).create_group(self.session, attributes=new_session_attributes(self.header))
             create_arrays(group, self.header)
-            return group
+            return group, self._as_left(group)
         group = group_at(root, f"{SESSIONS}/{self.session}")
         found = array_at(group, "attempts/number").shape[0]
         if found != self._stored:
@@ -191,7 +217,12 @@ class SessionWriter:
             )
         if group.attrs["status"] == "sealed":
             rechunk_columns(group, COLUMN_CHUNK_ROWS)  # It may be packed.
-        return group
+            return group, session_arrays(group)
+        return group, self._as_left(group)
+
+    def _as_left(self, group: zarr.Group) -> Arrays:
+        """The session's arrays: nobody but this writer changes them, so there is no need to read how they are."""
+        return arrays_with(self._layouts, group.store, group.path)
 
     def _refuse_repetition(self, root: zarr.Group) -> None:
         if self.header.seed is None:
@@ -214,9 +245,3 @@ def _branch_root(repository: GraspRepository, branch: str) -> zarr.Group:
     root = zarr.open_group(repository.writable(branch).store, mode="r+")
     check_current(repository.path, branch, root)
     return root
-
-
-def _copy(snapshot: Snapshot | None) -> Snapshot | None:
-    if snapshot is None:
-        return None
-    return replace(snapshot, rgb=snapshot.rgb.copy(), depth=snapshot.depth.copy())

@@ -8,8 +8,8 @@ from collections.abc import Iterator
 import numpy as np
 import pandas as pd
 
+from handsight.datasets.arrays import array_at, read_rows
 from handsight.datasets.doctor.findings import Finding, about
-from handsight.datasets.engine import array_at, read_rows
 from handsight.datasets.reader import GraspDataset
 from handsight.datasets.records import PHASES
 from handsight.datasets.schema import SESSIONS

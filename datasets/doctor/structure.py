@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 import zarr
 
+from handsight.datasets.arrays import array_at, group_at
 from handsight.datasets.doctor.findings import Finding, about, whole
-from handsight.datasets.engine import array_at, group_at
 from handsight.datasets.reader import GraspDataset
 from handsight.datasets.schema import COLUMNS, SESSIONS, VIEWS
 from handsight.datasets.sessions import attribute_damage

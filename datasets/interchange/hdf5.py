@@ -33,7 +33,7 @@ import numpy as np
 import zarr
 from numpy.typing import NDArray
 
-from handsight.datasets.engine import array_at, group_at, read_rows
+from handsight.datasets.arrays import array_at, group_at, read_rows
 from handsight.datasets.errors import CorruptDataError, InterchangeError
 from handsight.datasets.interchange.bundle import (
     Bundle,

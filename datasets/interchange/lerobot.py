@@ -33,8 +33,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
+from handsight.datasets.arrays import array_at, group_at, read_rows
 from handsight.datasets.blocks import column_paths
-from handsight.datasets.engine import array_at, group_at, read_rows
 from handsight.datasets.errors import CorruptDataError, InterchangeError
 from handsight.datasets.interchange.bundle import (
     Bundle,

@@ -18,7 +18,8 @@ from zarr.core.buffer import default_buffer_prototype
 from zarr.core.sync import sync
 from zarr.storage import LocalStore
 
-from handsight.datasets.engine import array_at, engine_errors, group_at
+from handsight.datasets.arrays import array_at, group_at
+from handsight.datasets.engine import engine_errors
 from handsight.datasets.errors import CorruptDataError, InterchangeError
 from handsight.datasets.interchange.bundle import Bundle, origin_of, refuse_linked, schema_of_origin
 from handsight.datasets.overlay import read_overlay

@@ -29,9 +29,9 @@ from handsight.datasets import (
     schema,
 )
 from handsight.datasets import doctor as package
+from handsight.datasets.arrays import array_at
 from handsight.datasets.doctor import Diagnosis, doctor
 from handsight.datasets.doctor.likeness import NEAR_BITS, near_pairs, picture_hash
-from handsight.datasets.engine import array_at
 from handsight.servoing.camera import HandCamera, Intrinsics
 
 CAMERA = HandCamera(

@@ -27,8 +27,8 @@ from handsight.datasets import (
     SessionWriter,
     Snapshot,
     SnapshotNotFoundError,
-    engine,
 )
+from handsight.datasets.arrays import group_at, read_rows
 from handsight.datasets.rows import snapshot_of
 from handsight.datasets.schema import attempt_id
 
@@ -282,9 +282,9 @@ def test_damage_to_a_column_is_found(repository: GraspRepository) -> None:
         dataset = GraspDataset.open(str(repository.path))
         session = dataset.repository.root(dataset.snapshot_id)[f"sessions/{dataset.sessions[0].ulid}"]
         assert isinstance(session, zarr.Group)
-        groups = [engine.group_at(session, name) for name in (*VIEWS, "attempts")]
+        groups = [group_at(session, name) for name in (*VIEWS, "attempts")]
         arrays = [array for group in groups for name, array in group.arrays() if name not in ("rgb", "depth")]
         with pytest.raises(CorruptDataError, match="is damaged in rows 0 to 199"):
-            list(map(engine.read_rows, arrays, repeat(0), repeat(200)))
+            list(map(read_rows, arrays, repeat(0), repeat(200)))
         chunk.write_bytes(kept)
     GraspDataset.open(str(repository.path)).info()

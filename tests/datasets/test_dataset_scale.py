@@ -10,9 +10,9 @@ from tests.datasets.factories import difference, make_attempt, make_header, reco
 
 from benchmarks._million import write_million
 from handsight.datasets import GraspDataset, GraspRepository, SessionWriter
+from handsight.datasets.arrays import array_at
 from handsight.datasets.curation import Curator
 from handsight.datasets.diff import diff_versions
-from handsight.datasets.engine import array_at
 from handsight.datasets.schema import COLUMN_CHUNK_ROWS, PACKED_CHUNK_ROWS
 from handsight.datasets.selection import Selection
 

@@ -12,7 +12,7 @@ import zarr
 from tests.datasets.factories import make_attempt, make_header, record
 
 from handsight.datasets import Curator, DatasetError, GraspDataset, GraspRepository, Outcome, Selection, verify
-from handsight.datasets.engine import array_at
+from handsight.datasets.arrays import array_at
 
 FLIPS = int(os.environ.get("HANDSIGHT_FLIPS", "60"))
 HEADER = make_header(width=32, height=24)

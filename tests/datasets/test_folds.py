@@ -25,7 +25,7 @@ from handsight.datasets import (
     make_folds,
     read_folds,
 )
-from handsight.datasets.engine import array_at
+from handsight.datasets.arrays import array_at
 from handsight.datasets.folds import GROUPINGS, assign_folds
 
 

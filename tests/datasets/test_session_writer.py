@@ -29,6 +29,7 @@ from handsight.datasets import (
     StorageError,
     engine,
 )
+from handsight.datasets.arrays import array_at
 
 HEADER = make_header()
 HELD = make_attempt(HEADER, 0, outcome=Outcome.HELD)
@@ -231,7 +232,7 @@ def test_changes_to_the_same_session_conflict_at_the_commit(repository: GraspRep
     changes = [repository.writable("main") for _ in range(2)]
     for change in changes:
         root = zarr.open_group(change.store, mode="r+")
-        array = engine.array_at(root, f"sessions/{session}/attempts/number")
+        array = array_at(root, f"sessions/{session}/attempts/number")
         array.resize((2,))
         array[1:] = 1
     repository.commit(changes[0], branch="main", message="first")

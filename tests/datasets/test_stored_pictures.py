@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -15,11 +16,16 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 from numpy.typing import NDArray
 from tests.datasets.factories import make_attempt, make_header, record
+from zarr.codecs import Crc32cCodec, TransposeCodec
 
-from handsight.datasets import GraspRepository, Outcome
-from handsight.datasets.schema import create_frames
+from handsight.datasets import GraspDataset, GraspRepository, Outcome, SessionWriter, schema
+from handsight.datasets.arrays import read_rows
+from handsight.datasets.schema import create_depth, create_rgb
+from handsight.datasets.verify import verify
 
 SIDES = st.integers(1, 9)
+
+TRANSPOSED = (TransposeCodec(order=(0, 1, 3, 2)),)
 
 READER = """
 import hashlib, sys
@@ -36,12 +42,23 @@ print(hashlib.sha256(view["rgb"][:].tobytes() + view["depth"][:].tobytes()).hexd
 def stored(values: NDArray[np.generic]) -> NDArray[np.generic]:
     """What an array of pictures of this size gives back."""
     group = zarr.open_group(zarr.storage.MemoryStore(), mode="w")
-    create_frames(group, "pictures", dtype=values.dtype.name, frame=values.shape[1:])
+    create = create_rgb if values.ndim == 4 else create_depth
+    create(group, "pictures", frame=values.shape[1:3])
     array = group["pictures"]
     assert isinstance(array, zarr.Array)
     array.resize(values.shape)
     array[:] = values
     return np.asarray(array[:])
+
+
+def create_plain(dtype: str, *colours: int) -> Callable[..., None]:
+    """Arrays of pictures as another version of handsight may have made them."""
+
+    def create(group: zarr.Group, name: str, *, frame: tuple[int, int]) -> None:
+        shape = (*frame, *colours)
+        group.create_array(name, shape=(0, *shape), chunks=(1, *shape), dtype=dtype, compressors=Crc32cCodec())
+
+    return create
 
 
 @given(st.data(), SIDES, SIDES)
@@ -68,3 +85,41 @@ def test_icechunk_and_zarr_read_a_dataset_without_handsight(tmp_path: Path) -> N
     printed = subprocess.run(command, capture_output=True, text=True, check=True, cwd=tmp_path).stdout
     # Icechunk warns on the same stream that folders are not for production.
     assert printed.splitlines()[-1].split() == [expected, "False"]
+
+
+@given(st.data(), SIDES, SIDES)
+def test_pictures_are_read_alike_with_and_without_the_copy_by_colour(
+    data: st.DataObject, height: int, width: int
+) -> None:
+    rgb = data.draw(arrays.arrays(np.uint8, (3, height, width, 3)))
+    array = zarr.create_array(zarr.storage.MemoryStore(), data=rgb, chunks=(1, height, width, 3), filters=TRANSPOSED)
+    first = data.draw(st.integers(0, 2))
+    rows = read_rows(array, first, 3)
+    assert rows.dtype == rgb.dtype
+    np.testing.assert_array_equal(rows, rgb[first:])
+    np.testing.assert_array_equal(rows, array[first:])
+
+
+def test_a_session_goes_on_as_it_began_whatever_the_codecs_are_today(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    header = make_header(width=64, height=48)
+    repository = GraspRepository.create(tmp_path / "grasps")
+    attempts = [make_attempt(header, number, outcome=Outcome.HELD) for number in range(3)]
+    with monkeypatch.context() as patch:
+        patch.setattr(schema, "create_rgb", create_plain("uint8", 3))
+        patch.setattr(schema, "create_depth", create_plain("uint16"))
+        with SessionWriter.begin(repository, header) as writer:
+            writer.append(attempts[0])
+    for number in (1, 2):
+        with SessionWriter.resume(repository, header) as writer:
+            writer.append(attempts[number])
+    dataset = GraspDataset.open(str(repository.path))
+    report = verify(dataset)
+    assert (report.checked, report.ok) == (3, True)
+    for number, attempt in enumerate(attempts):
+        assert attempt.overhead is not None
+        found = dataset.attempt(f"{writer.session}-{number:06d}").overhead
+        assert found is not None
+        np.testing.assert_array_equal(found.rgb, attempt.overhead.rgb)
+        np.testing.assert_array_equal(found.depth, attempt.overhead.depth)
