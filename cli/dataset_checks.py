@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import getpass
+import os
 import re
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
@@ -123,7 +124,7 @@ def doctor_command(
 
 def verify_command(
     dataset: Dataset,
-    jobs: Annotated[int, typer.Option("--jobs", "-j", min=0, help="Threads; 0 takes all cores.")] = 0,
+    jobs: Annotated[int, typer.Option("--jobs", "-j", min=0, help="Processes; 0 takes one for each core.")] = 0,
     as_json: Json = False,
 ) -> None:
     """Read every stored byte and compare it with what was recorded; exit 1 when something is damaged."""
@@ -214,7 +215,7 @@ def expire_command(
 
 def _verified(dataset: GraspDataset, jobs: int) -> VerifyReport:
     with progress_bar("verify", sum(session.attempts for session in dataset.sessions)) as bar:
-        return verify(dataset, jobs=jobs or None, on_checked=bar.reached)
+        return verify(dataset, jobs=jobs or os.cpu_count() or 1, on_checked=bar.reached)
 
 
 def _print_verified(report: VerifyReport) -> None:

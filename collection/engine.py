@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import multiprocessing
-import os
-import signal
-import threading
-from concurrent.futures import Executor, ProcessPoolExecutor
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from typing import Protocol
+
+from handsight.datasets.processes import process_pool
 
 
 class Engine(Protocol):
@@ -24,30 +22,11 @@ class Engine(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class LocalEngine:
-    """Processes of this machine. They are spawned, not forked: neither PyBullet nor Icechunk survives a fork."""
+    """Processes of this machine. They leave Ctrl-C to this one."""
 
     def start_worker(self) -> Executor:
         """Start a process; it ends with this one, even when this one is killed."""
-        return ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), initializer=_settle_in)
+        return process_pool(1)
 
 
 LOCAL = LocalEngine()
-
-
-def _settle_in() -> None:
-    # Ctrl-C reaches the whole process group; the parent alone decides how to stop.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    _leave_with_the_parent()
-
-
-def _leave_with_the_parent() -> None:
-    """End this process when the parent is gone, even killed: a pool's workers would wait for tasks for ever."""
-    parent = multiprocessing.parent_process()
-    if parent is None:
-        return
-
-    def watch() -> None:
-        parent.join()
-        os._exit(1)
-
-    threading.Thread(target=watch, name="watch-parent", daemon=True).start()

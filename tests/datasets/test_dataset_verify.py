@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -12,7 +13,7 @@ import zarr
 from tests.datasets.factories import make_attempt, make_header, record
 
 from handsight.datasets import Curator, DatasetError, GraspDataset, GraspRepository, Outcome, Selection, verify
-from handsight.datasets.arrays import array_at
+from handsight.datasets.arrays import array_at, group_at
 
 FLIPS = int(os.environ.get("HANDSIGHT_FLIPS", "60"))
 HEADER = make_header(width=32, height=24)
@@ -38,13 +39,34 @@ def tamper(repository: GraspRepository, change: Callable[[zarr.Group], None]) ->
     repository.commit(session, branch="main", message="tamper")
 
 
-@pytest.mark.parametrize("jobs", [None, 1, 3])
-def test_an_undamaged_version_is_verified_whole(recorded: GraspRepository, jobs: int | None) -> None:
+@pytest.fixture
+def eager(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A process for every few attempts, in stretches of two."""
+    for name, value in (("_WORTH_A_PROCESS", 4), ("_STRETCH", 2)):
+        monkeypatch.setattr(sys.modules["handsight.datasets.verify"], name, value)
+
+
+@pytest.mark.parametrize("jobs", [1, 3])
+@pytest.mark.usefixtures("eager")
+def test_an_undamaged_version_is_verified_whole(recorded: GraspRepository, jobs: int) -> None:
     seen: list[int] = []
     report = verify(opened(recorded), jobs=jobs, on_checked=seen.append)
     assert (report.checked, report.corrupt, report.damage, report.ok) == (23, (), (), True)
     assert seen[-1] == 23
     assert report.bytes > 23 * 1000
+
+
+@pytest.mark.usefixtures("eager")
+def test_processes_find_what_one_finds(recorded: GraspRepository) -> None:
+    def damage(root: zarr.Group) -> None:
+        ulid = sorted(group_at(root, "sessions").group_keys())[0]
+        array_at(root, f"sessions/{ulid}/overhead/rgb")[3] = 7
+        array_at(root, f"sessions/{ulid}/attempts/number")[11] = 12
+
+    tamper(recorded, damage)
+    alone, together = (verify(opened(recorded), jobs=jobs) for jobs in (1, 3))
+    assert together == alone
+    assert [attempt[-6:] for attempt in alone.faults] == ["000003", "000011"]
 
 
 def test_an_empty_version_is_verified(repository: GraspRepository) -> None:

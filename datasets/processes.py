@@ -1,0 +1,42 @@
+"""Worker processes that leave Ctrl-C to the process that started them, and do not outlive it."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import threading
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from typing import Any
+
+
+def process_pool(workers: int, prepare: Callable[..., object] | None = None, *arguments: object) -> ProcessPoolExecutor:
+    """A pool of processes, each of which first calls ``prepare`` with the arguments, if given.
+
+    They are spawned, not forked: neither Icechunk nor PyBullet survives a fork. They end with this process, even when
+    it is killed.
+    """
+    spawn = multiprocessing.get_context("spawn")
+    return ProcessPoolExecutor(workers, spawn, initializer=_settle_in, initargs=(prepare, arguments))
+
+
+def _settle_in(prepare: Callable[..., object] | None, arguments: tuple[Any, ...]) -> None:
+    # Ctrl-C reaches the whole process group; the parent alone decides how to stop.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    _leave_with_the_parent()
+    if prepare is not None:
+        prepare(*arguments)
+
+
+def _leave_with_the_parent() -> None:
+    """End this process when the parent is gone, even killed: a pool's workers would wait for tasks for ever."""
+    parent = multiprocessing.parent_process()
+    if parent is None:
+        return
+
+    def watch() -> None:
+        parent.join()
+        os._exit(1)
+
+    threading.Thread(target=watch, name="watch-parent", daemon=True).start()
