@@ -46,8 +46,8 @@ def create_ref(repository: icechunk.Repository, path: Place, kind: Kind, name: s
     """Make a branch or a tag that does not exist yet; durable when this returns.
 
     Raises:
-        RefNameError: The name belonged to a tag that was deleted. Icechunk keeps a tombstone, so that a name never
-            means two versions.
+        RefNameError: The name belonged to a tag that was deleted, of which Icechunk keeps a tombstone so that a name
+            never means two versions; or in a bucket somebody else has just made a tag of it.
         StorageError: The disk is full or not writable.
         icechunk.IcechunkError: The object store refused it.
     """
@@ -59,6 +59,8 @@ def create_ref(repository: icechunk.Repository, path: Place, kind: Kind, name: s
         try:
             repository.create_tag(name, snapshot_id)
         except icechunk.IcechunkError as error:
+            if name in repository.list_tags():
+                raise RefNameError(f"somebody has just released {name!r} of {path}: choose another name") from error
             raise deleted from error
         return
     if kind == "tag" and (path / "refs" / f"tag.{name}" / _TOMBSTONE).exists():

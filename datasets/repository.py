@@ -200,11 +200,20 @@ class GraspRepository:
             if name in self._tags() or name in self.branches():
                 raise RefNameError(f"{name!r} is taken in {self.path}: releases are immutable, choose another name")
             release = Release(name=name, snapshot_id=self.resolve(ref), message=message, released_at=datetime.now(UTC))
-            ledger = self.writable(LEDGER_BRANCH)
-            add_to_ledger(zarr.open_group(ledger.store, mode="r+"), release)
-            self.commit(ledger, branch=LEDGER_BRANCH, message=f"release {name}")
+            self._record(release)
             create_ref(self._engine, self.path, "tag", name, release.snapshot_id)
         return release
+
+    def _record(self, release: Release) -> None:
+        """Add a release to the ledger, after others that reach a bucket at the same time."""
+        while True:
+            ledger = self.writable(LEDGER_BRANCH)
+            add_to_ledger(zarr.open_group(ledger.store, mode="r+"), release)
+            try:
+                self.commit(ledger, branch=LEDGER_BRANCH, message=f"release {release.name}")
+            except SessionConflictError:
+                continue  # Another release came first, so somebody gets on.
+            return
 
     def log(self, ref: str = DEFAULT_REF) -> list[LogEntry]:
         """The commits that led to a version, newest first.

@@ -19,6 +19,7 @@ from handsight.datasets import (
     GraspDataset,
     GraspRepository,
     Outcome,
+    RefNameError,
     SessionConflictError,
     SessionWriter,
     StorageError,
@@ -27,6 +28,7 @@ from handsight.datasets.curation import Curator
 from handsight.datasets.interchange import export_dataset, import_dataset
 from handsight.datasets.materialize import materialize
 from handsight.datasets.merge import merge
+from handsight.datasets.releases import LEDGER_BRANCH
 from handsight.datasets.selection import Selection
 from handsight.servoing.homography import InputGrid
 
@@ -131,6 +133,42 @@ def test_two_who_begin_the_same_session_cannot_both_win() -> None:
     with pytest.raises(SessionConflictError, match="already holds session"):
         two.commit()
     assert len(GraspDataset.open(ADDRESS).attempts) == 1
+
+
+def test_releases_that_meet_are_both_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The second writes to the list of releases before the first has committed to it."""
+    repository = GraspRepository.create(ADDRESS)
+    stale = repository.writable(LEDGER_BRANCH)
+    GraspRepository.open(ADDRESS).release("v1", message="first")
+    sessions = iter([stale])
+    fresh = repository.writable
+    monkeypatch.setattr(repository, "writable", lambda branch: next(sessions, None) or fresh(branch))
+    repository.release("v2", message="second")
+    releases = GraspRepository.open(ADDRESS).releases()
+    assert {name: release.message for name, release in releases.items()} == {"v1": "first", "v2": "second"}
+
+
+def test_one_name_is_released_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    repository = GraspRepository.create(ADDRESS)
+    monkeypatch.setattr(repository, "_tags", dict)  # As they were before the other came.
+    GraspRepository.open(ADDRESS).release("v1")
+    with pytest.raises(RefNameError, match="somebody has just released 'v1'"):
+        repository.release("v1")
+
+
+def test_decisions_that_meet_are_both_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    repository = GraspRepository.create(ADDRESS)
+    header = make_header()
+    record(repository, header, [make_attempt(header, number) for number in range(4)])
+    first, second, *_ = GraspDataset.open(ADDRESS).attempts.index
+    stale = repository.writable("main")
+    Curator(GraspRepository.open(ADDRESS), author="jo").exclude(Selection(ids=(first,)), "dark")
+    sessions = iter([stale])
+    fresh = repository.writable
+    monkeypatch.setattr(repository, "writable", lambda branch: next(sessions, None) or fresh(branch))
+    Curator(repository, author="kim").exclude(Selection(ids=(second,)), "blurred")
+    excluded = GraspDataset.open(ADDRESS).attempts.query("excluded")["exclusion_reason"]
+    assert excluded.to_dict() == {first: "dark", second: "blurred"}
 
 
 def test_a_bucket_out_of_reach_is_an_error_of_storage(monkeypatch: pytest.MonkeyPatch) -> None:
