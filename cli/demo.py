@@ -15,7 +15,7 @@ import typer
 from handsight.cli.collect import DEFAULT_OBJECTS, collect_with_progress
 from handsight.cli.evaluate import NOVEL_OBJECTS, evaluate_model, print_results
 from handsight.cli.failures import CommandError
-from handsight.cli.heatmap import latest_attempts, write_heatmap_recording
+from handsight.cli.heatmap import heatmap_examples, latest_attempts
 from handsight.cli.options import Seed, Workers
 from handsight.cli.output import console
 from handsight.cli.servo import write_trace
@@ -30,6 +30,7 @@ from handsight.training.metrics import Metrics
 from handsight.training.run import CARD, WEIGHTS, load_run
 from handsight.training.trainer import TrainSettings
 from handsight.viz.figures import results_figure
+from handsight.viz.heatmap import write_heatmaps
 
 SHOWN_METHOD = "cem-1"
 
@@ -145,7 +146,7 @@ def _read_results(path: Path) -> dict[str, Any]:
 def _record(paths: DemoPaths, release: str, rows: list[ResultRow], settings: EvaluationSettings) -> None:
     _headline("4  Write the recordings and the figure")
     dataset = GraspDataset.open(f"{paths.dataset}@{release}")
-    write_heatmap_recording(paths.heatmaps, dataset, latest_attempts(dataset, 8), paths.run)
+    write_heatmaps(paths.heatmaps, heatmap_examples(dataset, latest_attempts(dataset, 8), paths.run))
     factory = BenchFactory(open_station=sim_station(NOVEL_OBJECTS), run=paths.run)
     results = _read_results(paths.results)
     number = _most_telling_trial(results["trials"])

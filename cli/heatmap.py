@@ -14,7 +14,12 @@ from handsight.datasets import GraspDataset
 from handsight.datasets.materialize import station_view
 from handsight.servoing.heatmap import grasp_heatmap
 from handsight.training.run import load_run
+from handsight.viz.figures import check_figure_path
 from handsight.viz.heatmap import HeatmapExample, write_heatmaps
+from handsight.viz.montage import montage_figure
+
+COLUMNS = 4
+"""Examples in one picture."""
 
 
 def heatmap_command(
@@ -26,12 +31,22 @@ def heatmap_command(
     out: Annotated[Path, typer.Option("--out", help="Recording to write, for 'rerun FILE'.")] = Path("heatmaps.rrd"),
     count: Annotated[int, typer.Option("--count", "-n", min=1, help="How many, when no ids are given.")] = 8,
     spacing_px: Annotated[int, typer.Option("--spacing", help="Pixels between the points of the map.")] = 8,
+    picture: Annotated[
+        Path | None,
+        typer.Option("--picture", metavar="FILE.png", help=f"Draw the first {COLUMNS} side by side, for a document."),
+    ] = None,
 ) -> None:
     """Write a recording of grasp heatmaps over the overhead pictures of a dataset."""
+    if picture is not None:
+        check_figure_path(picture, ".png")
     opened = GraspDataset.open(dataset)
     chosen = attempts or latest_attempts(opened, count)
-    write_heatmap_recording(out, opened, chosen, model, spacing_px=spacing_px)
+    examples = heatmap_examples(opened, chosen, model, spacing_px=spacing_px)
+    write_heatmaps(out, examples)
     console.print(f"[bold]{out}[/]: heatmaps of {len(chosen)} attempts; open it with 'rerun {out}'")
+    if picture is not None:
+        montage_figure(picture, examples[:COLUMNS])
+        console.print(f"[bold]{picture}[/]: the first {len(examples[:COLUMNS])} of them")
 
 
 def latest_attempts(dataset: GraspDataset, count: int) -> list[str]:
@@ -40,10 +55,10 @@ def latest_attempts(dataset: GraspDataset, count: int) -> list[str]:
     return [str(key) for key in dataset.attempts.index[taken][-count:]]
 
 
-def write_heatmap_recording(
-    out: Path, dataset: GraspDataset, attempts: Sequence[str], model: Path, *, spacing_px: int = 8
-) -> None:
-    """Score the overhead pictures of some attempts and write them, one example each."""
+def heatmap_examples(
+    dataset: GraspDataset, attempts: Sequence[str], model: Path, *, spacing_px: int = 8
+) -> list[HeatmapExample]:
+    """Score the overhead pictures of some attempts."""
     run = load_run(model)
     scorer = run.scorer()
     examples = []
@@ -56,4 +71,4 @@ def write_heatmap_recording(
                 HeatmapExample(title=key, view=view, heatmap=heatmap, grid=run.grid, jaws_m=card.gripper_stroke_m)
             )
             bar.advance()
-    write_heatmaps(out, examples)
+    return examples

@@ -139,7 +139,9 @@ def _dress(axes: Axes, example: HeatmapExample, *, first_row: bool, name: str) -
         axes.set_ylabel(name, fontsize=8, labelpad=5)
     if first_row:
         label = "" if example.held is None else " · held" if example.held else " · empty"
-        axes.set_title(example.title + label, fontsize=8, pad=5)
+        title = axes.set_title(example.title + label, fontsize=8, pad=5)
+        room = axes.get_window_extent().width / title.get_window_extent().width
+        title.set_fontsize(8 * min(1.0, room))
 
 
 def frame_picture(axes: Axes, k: Intrinsics) -> None:

@@ -8,10 +8,12 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import cv2
 import pytest
 
 from handsight.cli.app import NOUNS, run
 from handsight.datasets import GraspDataset
+from handsight.viz.montage import WIDTH_PX
 
 
 @pytest.fixture(scope="module")
@@ -84,11 +86,14 @@ def test_evaluate_prints_the_contract(demo_folder: Path, capsys: pytest.CaptureF
 
 def test_heatmaps_and_servo_runs_are_written(demo_folder: Path, tmp_path: Path) -> None:
     model = str(demo_folder / "run")
-    heatmaps, trace = tmp_path / "h.rrd", tmp_path / "s.rrd"
-    dataset = str(demo_folder / "grasps")
-    assert run(["heatmap", dataset, "--model", model, "--out", str(heatmaps), "-n", "1", "--spacing", "40"]) == 0
+    heatmaps, picture, trace = tmp_path / "h.rrd", tmp_path / "h.png", tmp_path / "s.rrd"
+    shown = ["heatmap", str(demo_folder / "grasps"), "--model", model, "--out", str(heatmaps), "--spacing", "40"]
+    assert run([*shown, "-n", "1", "--picture", str(picture)]) == 0
     assert run(["servo", "--model", model, "--out", str(trace), "--method", "first-order", "--trial", "1"]) == 0
     assert heatmaps.read_bytes()[:4] == trace.read_bytes()[:4] == b"RRF2"
+    drawn = cv2.imread(str(picture))
+    assert drawn is not None
+    assert drawn.shape[1] == WIDTH_PX
 
 
 def mistakes(out: Path) -> dict[str, tuple[list[str], str]]:

@@ -6,6 +6,7 @@ import dataclasses
 import math
 from pathlib import Path
 
+import numpy as np
 import pytest
 from tests.viz.rrd import colours, read_picture
 
@@ -13,7 +14,7 @@ from handsight.evaluation.results import ResultRow, wilson_95
 from handsight.viz.errors import FigureError
 from handsight.viz.figures import PAPER_RATES, results_figure
 from handsight.viz.heatmap import HeatmapExample
-from handsight.viz.montage import WIDTH_PX, montage_figure
+from handsight.viz.montage import GAP_PX, LEFT_MARGIN, TITLE_PX, WIDTH_PX, montage_figure
 
 
 def make_row(method: str, successes: int, trials: int, objects: str = "blocks-test") -> ResultRow:
@@ -86,6 +87,16 @@ def test_the_montage_is_as_wide_as_a_readme_and_reproducible(examples: list[Heat
     assert colours(picture) > 1000
     assert picture[-1, 0, :3].tolist() == [255, 255, 255]
     assert path.read_bytes() == montage_figure(tmp_path / "again.png", strip).read_bytes()
+
+
+def test_long_titles_of_a_montage_do_not_meet(examples: list[HeatmapExample], tmp_path: Path) -> None:
+    strip = [dataclasses.replace(examples[0], title=40 * "W", held=True) for _ in range(4)]
+    titles = read_picture(montage_figure(tmp_path / "montage.png", strip))[:TITLE_PX, :, :3]
+    inked = np.asarray((titles < 200).any(axis=(0, 2)))
+    left, width = LEFT_MARGIN * WIDTH_PX, (1 - LEFT_MARGIN) * WIDTH_PX / len(strip)
+    gaps = [round(left + column * width) - GAP_PX // 2 for column in range(len(strip))]
+    assert inked.sum() > WIDTH_PX // 2
+    assert not inked[gaps].any()
 
 
 def test_a_montage_of_pictures_that_do_not_match_is_refused(examples: list[HeatmapExample], tmp_path: Path) -> None:
