@@ -21,7 +21,9 @@ class PixelBuffer(cpu.NDBuffer):
 
     def __setitem__(self, key: Any, value: Any) -> None:
         source = value.as_numpy_array() if isinstance(value, cpu.NDBuffer) else np.asarray(value)
-        if source.ndim > 1 and source.shape[-1] <= _FEW and not source.flags.c_contiguous:
+        # Only slices select a view; a copy would be filled and forgotten.
+        sliced = isinstance(key, tuple) and all(isinstance(one, slice) for one in key)
+        if sliced and source.ndim > 1 and source.shape[-1] <= _FEW and not source.flags.c_contiguous:
             target = self.as_numpy_array()[key]
             for colour in range(source.shape[-1]):
                 target[..., colour] = source[..., colour]

@@ -20,6 +20,7 @@ from zarr.codecs import Crc32cCodec, TransposeCodec
 
 from handsight.datasets import GraspDataset, GraspRepository, Outcome, SessionWriter, schema
 from handsight.datasets.arrays import read_rows
+from handsight.datasets.pixels import PIXELS
 from handsight.datasets.schema import create_depth, create_rgb
 from handsight.datasets.verify import verify
 
@@ -98,6 +99,8 @@ def test_pictures_are_read_alike_with_and_without_the_copy_by_colour(
     assert rows.dtype == rgb.dtype
     np.testing.assert_array_equal(rows, rgb[first:])
     np.testing.assert_array_equal(rows, array[first:])
+    chosen = array.get_orthogonal_selection(([0, 2],), prototype=PIXELS)
+    np.testing.assert_array_equal(np.asarray(chosen), rgb[[0, 2]])
 
 
 def test_a_session_goes_on_as_it_began_whatever_the_codecs_are_today(
