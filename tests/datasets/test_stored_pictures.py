@@ -99,7 +99,7 @@ def test_pictures_are_read_alike_with_and_without_the_copy_by_colour(
     assert rows.dtype == rgb.dtype
     np.testing.assert_array_equal(rows, rgb[first:])
     np.testing.assert_array_equal(rows, array[first:])
-    chosen = array.get_orthogonal_selection(([0, 2],), prototype=PIXELS)
+    chosen = array.get_orthogonal_selection((np.array([0, 2]),), prototype=PIXELS)
     np.testing.assert_array_equal(np.asarray(chosen), rgb[[0, 2]])
 
 
