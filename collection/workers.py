@@ -12,7 +12,7 @@ import heapq
 import logging
 from collections import Counter, deque
 from collections.abc import Callable, Generator, Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import islice
@@ -154,11 +154,11 @@ class _Crew(Generic[Task, Answer]):
                 wait([one for seat in self._seats if (one := seat.next_future)], return_when=FIRST_COMPLETED)
 
     def leave(self) -> None:
-        """End all workers. Calls that have begun are waited for."""
-        for seat in self._seats:
-            seat.worker.shutdown(wait=False, cancel_futures=True)
-        for seat in self._seats:
-            seat.worker.shutdown(wait=True)
+        """End all workers at a time. Calls that have begun are waited for."""
+        # In threads: a pool that was told to end without being waited for cannot be waited for afterwards, and one
+        # that still ends while Python does leaves a traceback behind.
+        with ThreadPoolExecutor(max(1, len(self._seats))) as farewells:
+            list(farewells.map(lambda seat: seat.worker.shutdown(wait=True, cancel_futures=True), self._seats))
 
     def _take(self, supply: Iterator[tuple[int, Task]]) -> None:
         """Fill the window with tasks, and seats with no more workers than there are tasks."""

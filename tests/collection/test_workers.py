@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import io
+import multiprocessing
+import operator
+import threading
 from collections import Counter
 from collections.abc import Iterator
 from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor
@@ -151,3 +155,15 @@ def test_a_bench_that_cannot_be_opened_is_that_error(tmp_path: Path) -> None:
 
 def read(bench: IO[str], task: int) -> str:
     return bench.read(task)
+
+
+def test_no_process_outlives_the_answers() -> None:
+    """A pool that still ends while Python does would print a traceback."""
+    # Of the standard library, because the processes know nothing of the tests.
+    answers = answers_in_order(io.StringIO, operator.is_, range(100), workers=2)
+    assert not any(next(answers) for _ in range(3))
+    before = multiprocessing.active_children()
+    assert len(before) == 2
+    answers.close()
+    assert not any(process.is_alive() for process in before)
+    assert not [one for one in threading.enumerate() if type(one).__name__ == "_ExecutorManagerThread"]
