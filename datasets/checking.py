@@ -108,7 +108,7 @@ class AttemptChecker:
         rgb, depth = (_read_whole(arrays[f"{view}/{name}"], block.start, block.stop) for name in ("rgb", "depth"))
         poses = self._columns.rows(f"{view}/pose_base_tool", block.start, block.stop)
         frames = zip(rgb, depth, poses, strict=True)
-        return [Snapshot(rgb=colours, depth=metres, pose_base_tool=pose) for colours, metres, pose in frames]
+        return [Snapshot(rgb=colours, depth=raw, pose_base_tool=pose) for colours, raw, pose in frames]
 
     def _check_attempt(self, ulid: str, number: int, pictures: Mapping[View, Snapshot]) -> Checked:
         row = {column.name: self._columns.rows(f"attempts/{column.name}", number, number + 1)[0] for column in COLUMNS}

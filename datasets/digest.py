@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -31,7 +30,11 @@ _DATASET_PREFIX = b"handsight dataset 1\n"
 def attempt_digest(attempt: GraspAttempt, station: StationCard) -> bytes:
     """The content of one attempt, as 32 bytes. The attempt must be valid for the station."""
     digest = hashlib.sha256(_ATTEMPT_PREFIX)
-    _feed_text(digest, "station", _instruments(station))
+    instruments = station_to_json(station)
+    del instruments["objects"]
+    if not station.conditions:
+        del instruments["conditions"]  # Schema 1 knew of none, and its digests stay what they are.
+    _feed_text(digest, "station", canonical_json(instruments))
     _feed_text(digest, "objects", canonical_json(object_names(attempt.scene, station)))
     row = to_row(attempt, slots=_exact_slots(attempt.scene))
     for column in COLUMNS:
@@ -59,16 +62,6 @@ def dataset_digest(attempt_digests: Iterable[bytes]) -> str:
 def object_names(scene: SceneObjects | None, station: StationCard) -> tuple[str, ...]:
     """The objects of a scene by name, in the scene's order."""
     return () if scene is None else tuple(station.objects[index] for index in scene.catalogue_index)
-
-
-@lru_cache(maxsize=8)
-def _instruments(station: StationCard) -> str:
-    """What of the station it takes to interpret a record; the same for all attempts of a session."""
-    instruments = station_to_json(station)
-    del instruments["objects"]
-    if not station.conditions:
-        del instruments["conditions"]  # Schema 1 knew of none, and its digests stay what they are.
-    return canonical_json(instruments)
 
 
 def _exact_slots(scene: SceneObjects | None) -> Slots:

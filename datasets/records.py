@@ -62,7 +62,7 @@ class StationCard:
     """Catalogue of object ids; attempts index into it."""
     conditions: tuple[str, ...] = ()
     """Names of what is varied from attempt to attempt, such as ``table_friction``; scenes hold the values."""
-    serials: dict[str, str] | None = field(default=None, hash=False)
+    serials: dict[str, str] | None = None
     """Serial numbers of robot, camera and gripper, where there are any."""
 
 

@@ -18,12 +18,12 @@ from handsight.datasets.address import DEFAULT_REF
 from handsight.datasets.arrays import array_at, copy_group, group_at, read_rows
 from handsight.datasets.blocks import chunk_start, column_paths, rechunk_columns
 from handsight.datasets.change import change_branch
+from handsight.datasets.encoding import frame_paths
 from handsight.datasets.reader import GraspDataset
 from handsight.datasets.repository import GraspRepository
-from handsight.datasets.schema import SESSIONS, VIEWS
+from handsight.datasets.schema import SESSIONS
 
 _BLOCK_FRAMES = 16
-_PICTURES = [f"{view}/{name}" for view in VIEWS for name in ("rgb", "depth")]
 
 
 def revert(repository: GraspRepository, ref: str, *, branch: str = DEFAULT_REF, message: str = "") -> str | None:
@@ -110,7 +110,7 @@ def _match_session(session: zarr.Group, wanted: zarr.Group) -> bool:
         # Whole chunks: what is left of the last one must not show again when the session grows.
         array = array_at(session, path)
         _copy_rows(array, array_at(wanted, path), chunk_start(first, array.chunks[0]))
-    for path in _PICTURES:
+    for path in frame_paths():
         _copy_rows(array_at(session, path), array_at(wanted, path), first)
     return True
 

@@ -212,3 +212,14 @@ def test_the_digest_is_the_one_existing_datasets_have(repository: GraspRepositor
     dataset = GraspDataset.open(str(repository.path))
     assert [digest[:16] for digest in dataset.attempts["digest"]] == ["21b078f77f46a979", "4f356e30933d141f"]
     assert dataset.digest[:16] == "e3e2315fe180991c"
+
+
+def test_a_digest_does_not_depend_on_what_was_digested_before() -> None:
+    """Stations that compare equal need not be written alike: a text remembered for one is wrong for the other."""
+    attempt = make_attempt(HEADER, 0)
+    zeros = [replace(STATION, serials=None, closed_width_m=zero) for zero in (0.0, -0.0)]
+    assert zeros[0] == zeros[1]
+    forwards = [attempt_digest(attempt, station) for station in zeros]
+    backwards = [attempt_digest(attempt, station) for station in reversed(zeros)]
+    assert forwards == backwards[::-1]
+    assert forwards[0] != forwards[1]
