@@ -10,6 +10,7 @@ from typing import Any
 
 import cv2
 import pytest
+from tests.cli.refusals import check_refused
 
 from handsight.cli.app import NOUNS, run
 from handsight.datasets import GraspDataset
@@ -143,13 +144,7 @@ def mistakes(out: Path) -> dict[str, tuple[list[str], str]]:
 def test_mistakes_get_one_line_and_status_2(demo_folder: Path, capsys: pytest.CaptureFixture[str], name: str) -> None:
     words, said = mistakes(demo_folder)[name]
     before = GraspDataset.open(str(demo_folder / "grasps")).snapshot_id
-    capsys.readouterr()
-    assert run(words) == 2
-    captured = capsys.readouterr()
-    (line,) = captured.err.splitlines()
-    assert line.startswith("error: ")
-    assert said in line
-    assert captured.out == ""
+    check_refused(capsys, words, said)
     assert GraspDataset.open(str(demo_folder / "grasps")).snapshot_id == before
     assert not (demo_folder / "new").exists()
 

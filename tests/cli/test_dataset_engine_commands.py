@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import typer
+from tests.cli.small_station import small_header
 from typer.testing import CliRunner
 
 from handsight.cli import dataset_checks, dataset_curation, dataset_versions
@@ -22,35 +23,16 @@ from handsight.datasets import (
     GripperReadings,
     Outcome,
     RefNotFoundError,
-    SessionHeader,
     SessionWriter,
     Snapshot,
-    StationCard,
     WhereError,
 )
-from handsight.servoing.camera import HandCamera, Intrinsics
 
 app = typer.Typer()
 for module in (dataset_curation, dataset_versions, dataset_checks):
     module.register(app)
 
-HEADER = SessionHeader(
-    station=StationCard(
-        source="ur10",
-        camera=HandCamera(
-            intrinsics=Intrinsics.from_vertical_fov(width=64, height=48, fov_y_rad=0.73),
-            x_tool_camera_m=0.0,
-            y_tool_camera_m=0.0,
-            z_tool_camera_m=-0.1,
-        ),
-        depth_scale_m=0.001,
-        gripper_stroke_m=0.085,
-        closed_width_m=0.002,
-    ),
-    seed=None,
-    objects_per_scene=0,
-    config={},
-)
+HEADER = small_header(source="ur10", seed=None)
 
 
 def attempt(number: int) -> GraspAttempt:

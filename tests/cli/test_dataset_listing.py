@@ -9,6 +9,7 @@ from typing import Any
 
 import pandas as pd
 import pytest
+from tests.cli.refusals import check_refused
 from tests.datasets.factories import make_attempt, make_header, record
 
 from handsight.cli.app import run
@@ -163,12 +164,7 @@ def test_mistakes_get_one_line_and_status_2(
     grasps: Path, table: pd.DataFrame, tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     words, said = mistakes(grasps, table, tmp_path)[name]
-    assert run(words) == 2
-    captured = capsys.readouterr()
-    (line,) = captured.err.splitlines()
-    assert line.startswith("error: ")
-    assert said in line
-    assert captured.out == ""
+    check_refused(capsys, words, said)
     assert list(tmp_path.iterdir()) == []
 
 

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.cli.small_station import small_header
 from tests.viz.rrd import read_recording
 
 from handsight.cli.app import run
@@ -23,37 +24,18 @@ from handsight.datasets import (
     GripperReadings,
     Outcome,
     Selection,
-    SessionHeader,
     SessionWriter,
     Snapshot,
-    StationCard,
     create_branch,
     make_folds,
     read_folds,
 )
 from handsight.datasets.materialize import materialize, station_view
-from handsight.servoing.camera import HandCamera, Intrinsics
 from handsight.training.cross_validation import out_of_fold_scores
 from handsight.training.trainer import TrainSettings
 
 KEYS = {"attempt", "success", "predicted_success", "doubt", "target", "truth_held", "truth_disagrees"}
-HEADER = SessionHeader(
-    station=StationCard(
-        source="sim",
-        camera=HandCamera(
-            intrinsics=Intrinsics.from_vertical_fov(width=64, height=48, fov_y_rad=0.73),
-            x_tool_camera_m=0.0,
-            y_tool_camera_m=0.0,
-            z_tool_camera_m=-0.1,
-        ),
-        depth_scale_m=0.001,
-        gripper_stroke_m=0.085,
-        closed_width_m=0.002,
-    ),
-    seed=0,
-    objects_per_scene=0,
-    config={},
-)
+HEADER = small_header(source="sim", seed=0)
 
 
 def attempt(number: int, *, held: bool, labelled: bool = True) -> GraspAttempt:
