@@ -14,8 +14,8 @@ from zarr.core.sync import sync
 
 from benchmarks import duration_s
 from handsight.datasets import GraspRepository
-from handsight.datasets.blocks import session_arrays
-from handsight.datasets.engine import publish
+from handsight.datasets.store.icechunk_engine import publish
+from handsight.datasets.writing.blocks import session_arrays
 
 
 class BareRepository:

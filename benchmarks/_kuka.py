@@ -11,7 +11,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from benchmarks._processes import pinned
-from handsight.datasets.place import cache_folder
+from handsight.datasets.address import cache_folder
 
 NAME = "KukaDiverseObjectEnv"
 REQUIREMENTS = ("gym==0.25.2", "setuptools<81", "numpy<2", f"pybullet=={version('pybullet')}")

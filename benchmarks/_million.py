@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from ulid import ULID
 
 from handsight.datasets import GraspRepository, Outcome, SessionHeader, StationCard
-from handsight.datasets.arrays import append_rows, array_at, group_at
-from handsight.datasets.schema import COLUMNS, PACKED_CHUNK_ROWS, SESSIONS, VIEWS, Slots, create_arrays
-from handsight.datasets.sessions import new_session_attributes, sealed_attributes
+from handsight.datasets.format.arrays import append_rows, array_at, group_at
+from handsight.datasets.format.schema import COLUMNS, PACKED_CHUNK_ROWS, SESSIONS, VIEWS, Slots, create_arrays
+from handsight.datasets.format.sessions import new_session_attributes, sealed_attributes
 from handsight.servoing.camera import HandCamera, Intrinsics
 
 OBJECTS = tuple(f"object-{number:03d}" for number in range(100))

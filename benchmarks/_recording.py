@@ -17,10 +17,10 @@ from benchmarks._frames import png, rendered_attempts
 from benchmarks._million import header_of
 from benchmarks._processes import pinned
 from handsight.datasets import GraspDataset, GraspRepository, SessionHeader, SessionWriter
-from handsight.datasets.arrays import array_at
-from handsight.datasets.encoding import frame_paths
+from handsight.datasets.format.arrays import array_at
+from handsight.datasets.format.frames import frame_paths
+from handsight.datasets.integrity.verify import verify
 from handsight.datasets.records import GraspAttempt
-from handsight.datasets.verify import verify
 
 _SEED = 0
 

@@ -9,8 +9,8 @@ from pathlib import Path
 from time import process_time
 from typing import ParamSpec, TypeVar
 
+from handsight.collection.sim.bullet import BulletClient
 from handsight.collection.sim.config import SimConfig
-from handsight.collection.sim.engine import BulletClient
 from handsight.collection.sim.station import SimStation, SimStationFactory
 
 PHASE_OF_METHOD = {

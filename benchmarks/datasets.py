@@ -20,10 +20,10 @@ from benchmarks._frames import png
 from benchmarks._million import write_million
 from benchmarks._recording import recording_figures
 from handsight.datasets import GraspDataset, GraspRepository
-from handsight.datasets.diff import diff_versions
-from handsight.datasets.loading import GraspLoader, epoch_order
-from handsight.datasets.materialize import GraspInputs
-from handsight.datasets.torch_dataset import TorchGrasps
+from handsight.datasets.inputs.loader import GraspLoader, epoch_order
+from handsight.datasets.inputs.materialize import GraspInputs
+from handsight.datasets.inputs.torch_dataset import TorchGrasps
+from handsight.datasets.reading.diff import diff_versions
 
 SAMPLES = 20_000
 PEER_SAMPLES = 2_000

@@ -35,7 +35,7 @@ class Noun:
 NOUNS = (
     Noun("demo", "demo:demo", "The whole line in one command: collect, train, servo, show."),
     Noun("collect", "collect:collect_app", "Collect grasp attempts into a dataset."),
-    Noun("dataset", "dataset:dataset_app", "Create, inspect and release grasp datasets."),
+    Noun("dataset", "dataset.app:dataset_app", "Create, inspect and release grasp datasets."),
     Noun("train", "train:train_command", "Train a network on a version of a dataset."),
     Noun("evaluate", "evaluate:evaluate_command", "Compare servo methods on the same trials."),
     Noun("heatmap", "heatmap:heatmap_command", "Record heatmaps of predicted success."),
@@ -91,7 +91,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
     except SystemExit as leaving:
         return leaving.code if isinstance(leaving.code, int) else int(leaving.code is not None)
     except Exception as error:
-        from handsight.cli.failures import EXPECTED, report  # imports every room, which only a failure should pay for
+        from handsight.cli.errors import EXPECTED, report  # imports every room, which only a failure should pay for
 
         if not isinstance(error, EXPECTED):
             raise

@@ -8,23 +8,21 @@ from typing import Annotated, Literal
 
 import typer
 
-from handsight.cli.failures import CommandError
-from handsight.cli.options import DatasetPath, Json, Objects, PerScene, Seed, Workers
+from handsight.cli.errors import CommandError
+from handsight.cli.options import TRAINING_OBJECTS, DatasetPath, Json, Objects, PerScene, Seed, Workers
 from handsight.cli.output import console, errors, print_json, progress_bar
-from handsight.cli.policies import policy_named
-from handsight.cli.renderers import Renderer, with_renderer
-from handsight.cli.scene_pictures import picture_command
-from handsight.cli.stations import sim_station, varieties
+from handsight.cli.wiring.policies import policy_named
+from handsight.cli.wiring.renderers import Renderer, with_renderer
+from handsight.cli.wiring.scene_pictures import picture_command
+from handsight.cli.wiring.stations import sim_station, varieties
 from handsight.collection.collector import CollectReport, CollectSettings, SeededStationFactory, collect
-from handsight.collection.engine import LOCAL, Engine
-from handsight.collection.ray_engine import ray_engine
-from handsight.datasets import GraspRepository
 from handsight.datasets.records import GraspAttempt
+from handsight.datasets.store.repository import GraspRepository
+from handsight.jobs.engine import LOCAL, Engine
+from handsight.jobs.ray_engine import ray_engine
 
 collect_app = typer.Typer(help="Collect grasp attempts into a dataset.", no_args_is_help=True)
 collect_app.command("picture")(picture_command)
-
-DEFAULT_OBJECTS = "household-train"
 
 
 @collect_app.command("sim")
@@ -33,7 +31,7 @@ def collect_sim(
     attempts: Annotated[int, typer.Option("--attempts", "-n", help="Length of the session.")] = 600,
     seed: Seed = 0,
     workers: Workers = 2,
-    objects: Objects = DEFAULT_OBJECTS,
+    objects: Objects = TRAINING_OBJECTS,
     per_scene: PerScene = None,
     vary: Annotated[
         list[str] | None,

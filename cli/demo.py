@@ -12,25 +12,26 @@ from typing import Annotated, Any
 
 import typer
 
-from handsight.cli.collect import DEFAULT_OBJECTS, collect_with_progress
-from handsight.cli.evaluate import NOVEL_OBJECTS, evaluate_model, print_results
-from handsight.cli.failures import CommandError
+from handsight.cli.collect import collect_with_progress
+from handsight.cli.errors import CommandError
+from handsight.cli.evaluate import evaluate_model, print_results
 from handsight.cli.heatmap import heatmap_examples, latest_attempts
-from handsight.cli.options import Seed, Workers
+from handsight.cli.options import NOVEL_OBJECTS, TRAINING_OBJECTS, Seed, Workers
 from handsight.cli.output import console
 from handsight.cli.servo import write_trace
-from handsight.cli.stations import sim_station
 from handsight.cli.train import describe, train_to_folder
+from handsight.cli.wiring.stations import sim_station
 from handsight.collection.collector import CollectSettings
-from handsight.datasets import GraspDataset, GraspRepository
+from handsight.datasets.reading.reader import GraspDataset
+from handsight.datasets.store.repository import GraspRepository
 from handsight.evaluation.evaluate import BenchFactory, EvaluationSettings, record_trial
-from handsight.evaluation.methods import METHODS, SERVO_METHODS
 from handsight.evaluation.results import ResultRow
+from handsight.servoing.methods.registry import METHODS
 from handsight.training.metrics import Metrics
 from handsight.training.run import CARD, WEIGHTS, load_run
 from handsight.training.trainer import TrainSettings
-from handsight.viz.figures import results_figure
-from handsight.viz.heatmap import write_heatmaps
+from handsight.viz.figures.results import results_figure
+from handsight.viz.recordings.heatmaps import write_heatmaps
 
 SHOWN_METHOD = "cem-1"
 
@@ -84,7 +85,7 @@ def demo(
     Takes a few minutes on two cores. Interrupt it and run it again: it goes on where it was.
     """
     collecting = CollectSettings(attempts=attempts, seed=seed, workers=workers)
-    evaluating = EvaluationSettings(methods=METHODS, trials=trials, workers=workers)
+    evaluating = EvaluationSettings(methods=tuple(METHODS), trials=trials, workers=workers)
     paths = DemoPaths(out)
     if out.exists() and not out.is_dir():
         raise CommandError(f"{out} is a file, expected a folder for the demo: choose another --out")
@@ -98,7 +99,7 @@ def demo(
 def _collect(paths: DemoPaths, settings: CollectSettings) -> str:
     """Collect what is missing and release it; returns the release's name."""
     _headline(f"1  Collect {settings.attempts} grasp attempts in simulation")
-    collect_with_progress(paths.dataset, sim_station(DEFAULT_OBJECTS), settings, resume=True)
+    collect_with_progress(paths.dataset, sim_station(TRAINING_OBJECTS), settings, resume=True)
     repository = GraspRepository.open(paths.dataset)
     name = f"demo-seed{settings.seed}-{settings.attempts}"
     if name not in repository.releases():
@@ -162,7 +163,7 @@ def _most_telling_trial(trials: list[dict[str, Any]]) -> int:
     A success where random grasping failed, ended by the threshold and not by the step limit, after many moves.
     """
     lost = {trial["number"] for trial in trials if trial["method"] == "random" and not trial["success"]}
-    limit = SERVO_METHODS[SHOWN_METHOD].max_steps
+    limit = METHODS[SHOWN_METHOD].max_steps
 
     def telling(trial: dict[str, Any]) -> tuple[bool, bool, bool, int]:
         return trial["success"], trial["number"] in lost, trial["moves"] < limit, trial["moves"]

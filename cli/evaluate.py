@@ -8,16 +8,14 @@ from typing import Annotated, Any, Literal
 
 import typer
 
-from handsight.cli.options import Json, Model, Objects, Workers
+from handsight.cli.options import NOVEL_OBJECTS, Json, Model, Objects, Workers
 from handsight.cli.output import console, print_json, print_table, progress_bar
-from handsight.cli.stations import sim_station
+from handsight.cli.wiring.stations import sim_station
 from handsight.evaluation.evaluate import BenchFactory, EvaluationSettings, evaluate, method_names
-from handsight.evaluation.methods import METHODS
 from handsight.evaluation.results import ResultRow, result_rows
 from handsight.servoing.loop import ServoSettings
+from handsight.servoing.methods.registry import METHODS
 from handsight.training.run import load_run
-
-NOVEL_OBJECTS = "household-test"
 
 
 def evaluate_command(

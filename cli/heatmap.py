@@ -10,13 +10,14 @@ import typer
 
 from handsight.cli.options import Dataset, Model
 from handsight.cli.output import console, progress_bar
-from handsight.datasets import GraspDataset
-from handsight.datasets.materialize import station_view
+from handsight.datasets.reading.reader import GraspDataset
+from handsight.datasets.views import station_view
 from handsight.servoing.heatmap import grasp_heatmap
 from handsight.training.run import load_run
-from handsight.viz.figures import check_figure_path
-from handsight.viz.heatmap import HeatmapExample, write_heatmaps
-from handsight.viz.montage import montage_figure
+from handsight.viz.examples import HeatmapExample
+from handsight.viz.figures.montage import montage_figure
+from handsight.viz.figures.style import check_figure_path
+from handsight.viz.recordings.heatmaps import write_heatmaps
 
 COLUMNS = 4
 """Examples in one picture."""

@@ -7,6 +7,11 @@ from typing import Annotated
 
 import typer
 
+TRAINING_OBJECTS = "household-train"
+"""What is grasped where training data are collected."""
+NOVEL_OBJECTS = "household-test"
+"""What is grasped where methods are compared: objects that training never saw."""
+
 Dataset = Annotated[str, typer.Argument(metavar="DATASET[@REF]", help="Dataset folder, optionally at a version.")]
 DatasetPath = Annotated[str, typer.Argument(metavar="DATASET", help="Dataset folder, or s3://bucket/prefix.")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON value instead of text.")]

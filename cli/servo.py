@@ -9,19 +9,18 @@ import numpy as np
 import typer
 from numpy.typing import NDArray
 
-from handsight.cli.evaluate import NOVEL_OBJECTS
-from handsight.cli.failures import CommandError
-from handsight.cli.options import Model, Objects
+from handsight.cli.errors import CommandError
+from handsight.cli.options import NOVEL_OBJECTS, Model, Objects
 from handsight.cli.output import console, progress_bar
-from handsight.cli.scene_pictures import servo_pictures
-from handsight.cli.stations import sim_station
+from handsight.cli.wiring.scene_pictures import servo_pictures
+from handsight.cli.wiring.stations import sim_station
 from handsight.evaluation.evaluate import BenchFactory, record_trial
-from handsight.evaluation.methods import servo_method
 from handsight.evaluation.trial import TrialRecording
 from handsight.servoing.heatmap import Heatmap, grasp_heatmap
 from handsight.servoing.loop import ServoSettings
+from handsight.servoing.methods.registry import servo_method
 from handsight.training.run import load_run
-from handsight.viz.trace import write_servo_trace
+from handsight.viz.recordings.servo_trace import write_servo_trace
 
 
 def servo_command(

@@ -9,8 +9,8 @@ import typer
 
 from handsight.cli.options import Dataset, Json, Seed
 from handsight.cli.output import console, print_json, progress_bar
-from handsight.datasets import GraspDataset
-from handsight.datasets.materialize import GraspInputs, materialize
+from handsight.datasets.inputs.materialize import GraspInputs, materialize
+from handsight.datasets.reading.reader import GraspDataset
 from handsight.servoing.homography import InputGrid
 from handsight.training.gqn import GqnConfig
 from handsight.training.metrics import Metrics

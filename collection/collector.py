@@ -13,14 +13,16 @@ from functools import partial
 from typing import Protocol
 
 from handsight.collection.attempt import attempt_seed, run_attempt
-from handsight.collection.engine import LOCAL, Engine
-from handsight.collection.errors import CollectionSettingsError, WorkerDiedError
+from handsight.collection.errors import CollectionSettingsError
 from handsight.collection.policy import PregraspPolicy, UniformPolicy
 from handsight.collection.station import Station
-from handsight.collection.workers import answers_in_order
-from handsight.datasets import GraspRepository, SessionHeader, SessionWriter
 from handsight.datasets.errors import DatasetError, SessionNotFoundError
-from handsight.datasets.records import GraspAttempt, StationCard
+from handsight.datasets.records import GraspAttempt, SessionHeader, StationCard
+from handsight.datasets.store.repository import GraspRepository
+from handsight.datasets.writing.writer import SessionWriter
+from handsight.jobs.engine import LOCAL, Engine
+from handsight.jobs.errors import WorkerDiedError
+from handsight.jobs.ordered import answers_in_order
 
 
 class SeededStationFactory(Protocol):

@@ -7,10 +7,8 @@ CollectionError
 ├── CollectionSettingsError (ValueError) how much or how to collect makes no sense
 ├── ObjectSetError (ValueError)          unknown object set, or one that cannot be used
 │   └── MeshImportError                  meshes that cannot become an object set, all of them named
-├── StationSettingsError (ValueError)    settings that describe no usable station
-│   └── RendererUnavailableError         the renderer asked for does not run on this machine
-├── EngineError (RuntimeError)           workers cannot be started where they were asked for
-└── WorkerDiedError (RuntimeError)       workers ended without an answer, again and again
+└── StationSettingsError (ValueError)    settings that describe no usable station
+    └── RendererUnavailableError         the renderer asked for does not run on this machine
 """
 
 from __future__ import annotations
@@ -55,11 +53,3 @@ class StationSettingsError(CollectionError, ValueError):
 
 class RendererUnavailableError(StationSettingsError):
     """The renderer asked for does not run on this machine."""
-
-
-class EngineError(CollectionError, RuntimeError):
-    """Workers cannot be started where they were asked for, or not as equals of the process that asks."""
-
-
-class WorkerDiedError(CollectionError, RuntimeError):
-    """Workers ended without an answer, again and again; one that does so once is replaced."""

@@ -12,11 +12,11 @@ import numpy as np
 from handsight.collection.errors import CollectionSettingsError, UnreachableError
 from handsight.collection.policy import Pregrasp, UniformPolicy
 from handsight.collection.station import Station
-from handsight.datasets.materialize import station_view
 from handsight.datasets.records import SceneObjects
+from handsight.datasets.views import station_view
 from handsight.servoing.loop import ServoSettings, ServoTrace, servo
 from handsight.servoing.objective import ScoreInputs
-from handsight.servoing.optimiser import Method
+from handsight.servoing.optimiser import ServoMethod
 from handsight.servoing.planar import PlanarPose
 from handsight.servoing.view import View
 
@@ -43,9 +43,7 @@ class ServoPolicy:
     """Servo from a uniformly drawn pose, as in evaluation; a share of the attempts grasps from that pose at once."""
 
     open_network: OpensNetwork
-    name: str
-    """Name of the servo method."""
-    method: Method
+    method: ServoMethod
     random_share: float = 0.3
     """Share of uniform grasps: without them a network would never learn what it has come to avoid."""
     start: UniformPolicy = field(default_factory=UniformPolicy)
@@ -59,7 +57,7 @@ class ServoPolicy:
         """Method, share, thresholds, and the network by the hash of its weights."""
         return {
             "name": "servo",
-            "method": self.name,
+            "method": self.method.name,
             "weights_sha256": self.open_network.sha256,
             "random_share": self.random_share,
             "half_range_m": self.start.half_range_m,
@@ -77,16 +75,15 @@ class ServoPolicy:
             return drawn
         station.reach(drawn.pose)
         score_inputs = _opened(self.open_network)
-        trace = servo_on_station(station, score_inputs, self.method, name=self.name, settings=self.servo, rng=rng)
+        trace = servo_on_station(station, score_inputs, self.method, settings=self.servo, rng=rng)
         return Pregrasp(pose=trace.grasp_pose, predicted_success=trace.grasp_score)
 
 
 def servo_on_station(
     station: Station,
     score_inputs: ScoreInputs,
-    method: Method,
+    method: ServoMethod,
     *,
-    name: str,
     settings: ServoSettings,
     rng: np.random.Generator,
 ) -> ServoTrace:
@@ -96,7 +93,6 @@ def servo_on_station(
         station: The robot, its gripper at the pre-grasp height.
         score_inputs: The network.
         method: How to climb its predictions.
-        name: What the trace calls the method.
         settings: When to stop.
         rng: Source of the method's randomness.
     """
@@ -112,4 +108,4 @@ def servo_on_station(
             return False
         return True
 
-    return servo(look, move, score_inputs, method, name=name, settings=settings, rng=rng)
+    return servo(look, move, score_inputs, method, settings=settings, rng=rng)

@@ -19,9 +19,8 @@ if __name__ != "handsight.datasets":
     )
 
 from handsight.datasets.address import DatasetAddress
-from handsight.datasets.branches import create_branch, delete_branch
-from handsight.datasets.curation import Curator
-from handsight.datasets.diff import Balance, VersionDiff, diff_versions
+from handsight.datasets.curation.curator import Curator
+from handsight.datasets.curation.folds import Folds, make_folds, read_folds
 from handsight.datasets.errors import (
     AddressError,
     AttemptNotFoundError,
@@ -51,10 +50,16 @@ from handsight.datasets.errors import (
     UnknownNameError,
     WhereError,
 )
-from handsight.datasets.folds import Folds, make_folds, read_folds
-from handsight.datasets.info import DatasetInfo
-from handsight.datasets.migrate import Migration, migrate
-from handsight.datasets.reader import GraspDataset
+from handsight.datasets.format.schema import VIEWS, View
+from handsight.datasets.format.sessions import SessionInfo
+from handsight.datasets.integrity.maintenance import ExpiryReport, GarbageReport, collect_garbage, expire
+from handsight.datasets.integrity.migrate import Migration, migrate
+from handsight.datasets.integrity.repair import RepairReport, ResimulateAttempt, repair
+from handsight.datasets.integrity.verify import VerifyReport, verify
+from handsight.datasets.reading.diff import Balance, VersionDiff, diff_versions
+from handsight.datasets.reading.info import DatasetInfo
+from handsight.datasets.reading.reader import GraspDataset
+from handsight.datasets.reading.selection import Selection
 from handsight.datasets.records import (
     PHASES,
     GraspAttempt,
@@ -65,16 +70,11 @@ from handsight.datasets.records import (
     Snapshot,
     StationCard,
 )
-from handsight.datasets.releases import Release
-from handsight.datasets.repair import RepairReport, ResimulateAttempt, repair
-from handsight.datasets.repository import GraspRepository, LogEntry
-from handsight.datasets.revert import revert
-from handsight.datasets.schema import VIEWS, View
-from handsight.datasets.selection import Selection
-from handsight.datasets.sessions import SessionInfo
-from handsight.datasets.upkeep import ExpiryReport, GarbageReport, collect_garbage, expire
-from handsight.datasets.verify import VerifyReport, verify
-from handsight.datasets.writer import SessionWriter
+from handsight.datasets.store.branches import create_branch, delete_branch
+from handsight.datasets.store.releases import Release
+from handsight.datasets.store.repository import GraspRepository, LogEntry
+from handsight.datasets.writing.revert import revert
+from handsight.datasets.writing.writer import SessionWriter
 
 __all__ = [
     "PHASES",

@@ -1,14 +1,56 @@
-"""How a version of a dataset is named: ``PATH`` or ``PATH@REF``, where the path may be ``s3://BUCKET/PREFIX``."""
+"""How a version of a dataset is named, ``PATH`` or ``PATH@REF``, and where its dataset lies.
+
+In a local folder, or under a prefix of an S3 bucket (``s3://BUCKET/PREFIX``).
+"""
 
 from __future__ import annotations
 
+import os
+import re
 from dataclasses import dataclass
+from pathlib import Path
 
 from handsight.datasets.errors import AddressError
-from handsight.datasets.place import Place, place_of
 
 DEFAULT_REF = "main"
 """The branch that is read where the address names no ref."""
+
+_SCHEME = re.compile(r"([A-Za-z][A-Za-z0-9+.-]+):/")
+_BUCKET = re.compile(r"[a-z0-9][a-z0-9.-]{1,61}[a-z0-9]")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class S3Prefix:
+    """The objects of a bucket whose names begin with ``prefix/``."""
+
+    bucket: str
+    prefix: str
+
+    def __str__(self) -> str:
+        return f"s3://{self.bucket}/{self.prefix}"
+
+
+Place = Path | S3Prefix
+
+
+def place_of(text: str | Place) -> Place:
+    """The place that a path or an ``s3://bucket/prefix`` names.
+
+    Raises:
+        AddressError: It is a URL of another kind, or has no bucket or prefix.
+    """
+    if isinstance(text, S3Prefix):
+        return text
+    scheme = _SCHEME.match(str(text))
+    if scheme is None:
+        return Path(text)
+    # A Path has swallowed one of the slashes.
+    bucket, _, prefix = str(text)[scheme.end() :].lstrip("/").partition("/")
+    prefix = prefix.strip("/")
+    parts = prefix.split("/")
+    if scheme[1] != "s3" or not _BUCKET.fullmatch(bucket) or {"", ".", ".."} & set(parts):
+        raise AddressError(f"dataset address is '{text}', expected a folder or s3://BUCKET/PREFIX")
+    return S3Prefix(bucket=bucket, prefix=prefix)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,3 +81,9 @@ class DatasetAddress:
 
     def __str__(self) -> str:
         return f"{self.path}@{self.ref}"
+
+
+def cache_folder() -> Path:
+    """Where caches of datasets that are not local folders go: ``$HANDSIGHT_CACHE`` or ``~/.cache/handsight``."""
+    chosen = os.environ.get("HANDSIGHT_CACHE")
+    return Path(chosen) if chosen else Path.home() / ".cache" / "handsight"

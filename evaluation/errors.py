@@ -1,7 +1,6 @@
 """Errors of the evaluation room.
 
 EvaluationError
-├── UnknownMethodError (ValueError)        no servo method of that name
 ├── EvaluationSettingsError (ValueError)   settings out of range
 └── SuspectsError (ValueError)             attempts whose labels cannot be reviewed
 """
@@ -9,10 +8,6 @@ EvaluationError
 
 class EvaluationError(Exception):
     """Base of every error raised in ``handsight.evaluation``."""
-
-
-class UnknownMethodError(EvaluationError, ValueError):
-    """No servo method has that name."""
 
 
 class EvaluationSettingsError(EvaluationError, ValueError):

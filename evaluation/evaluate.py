@@ -11,11 +11,11 @@ from typing import Protocol
 import torch
 
 from handsight.collection.station import Station
-from handsight.collection.workers import answers_in_order
 from handsight.evaluation.errors import EvaluationSettingsError
-from handsight.evaluation.methods import RANDOM, check_methods
 from handsight.evaluation.trial import Trial, TrialRecording, run_trial
+from handsight.jobs.ordered import answers_in_order
 from handsight.servoing.loop import ServoSettings
+from handsight.servoing.methods.registry import RANDOM, check_methods
 from handsight.servoing.objective import ScoreInputs
 from handsight.training.run import load_scorer
 

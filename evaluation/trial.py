@@ -19,8 +19,8 @@ from handsight.collection.policy import UniformPolicy
 from handsight.collection.servo_policy import servo_on_station
 from handsight.collection.station import Station
 from handsight.datasets.records import SceneObjects, Snapshot, StationCard
-from handsight.evaluation.methods import SERVO_METHODS
 from handsight.servoing.loop import ServoSettings, ServoTrace
+from handsight.servoing.methods.registry import METHODS
 from handsight.servoing.objective import ScoreInputs
 
 
@@ -72,10 +72,8 @@ def run_trial(
     failure = ""
     try:
         begin_attempt(progress, UniformPolicy(), streams)
-        if score_inputs is not None and method in SERVO_METHODS:
-            trace = servo_on_station(
-                station, score_inputs, SERVO_METHODS[method], name=method, settings=settings, rng=streams.servo
-            )
+        if score_inputs is not None and METHODS[method].settings is not None:
+            trace = servo_on_station(station, score_inputs, METHODS[method], settings=settings, rng=streams.servo)
         execute_grasp(progress)
     except PhaseError as error:
         failure = str(error)

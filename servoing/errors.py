@@ -3,6 +3,7 @@
 ServoingError
 ├── CameraModelError (ValueError)      intrinsics or mount that describe no camera
 ├── ImageError (ValueError)            a picture of the wrong shape, type or content
+├── UnknownMethodError (ValueError)    no servo method of that name
 └── ServoSettingsError (ValueError)    optimiser or loop settings out of range
 """
 
@@ -17,6 +18,10 @@ class CameraModelError(ServoingError, ValueError):
 
 class ImageError(ServoingError, ValueError):
     """A picture of the wrong shape, type or content."""
+
+
+class UnknownMethodError(ServoingError, ValueError):
+    """No servo method has that name."""
 
 
 class ServoSettingsError(ServoingError, ValueError):

@@ -13,7 +13,7 @@ from torch import Tensor
 from handsight.servoing.errors import ServoSettingsError
 from handsight.servoing.homography import InputGrid
 from handsight.servoing.objective import Objective, ScoreInputs
-from handsight.servoing.optimiser import Method, Proposal
+from handsight.servoing.optimiser import Proposal, ServoMethod
 from handsight.servoing.planar import PlanarPose, PlanarStep
 from handsight.servoing.view import View
 
@@ -78,9 +78,8 @@ def servo(
     look: Look,
     move: Move,
     score_inputs: ScoreInputs,
-    method: Method,
+    method: ServoMethod,
     *,
-    name: str,
     settings: ServoSettings,
     rng: np.random.Generator,
 ) -> ServoTrace:
@@ -107,7 +106,7 @@ def servo(
     if best is not steps[-1] and steps[-1].score < settings.threshold:
         move(best.pose)
     return ServoTrace(
-        method=name,
+        method=method.name,
         threshold=settings.threshold,
         steps=tuple(steps),
         grasp_pose=best.pose,

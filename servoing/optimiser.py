@@ -9,6 +9,8 @@ from typing import Protocol
 import numpy as np
 from torch import Tensor
 
+from handsight.servoing.errors import UnknownMethodError
+
 ScoreSteps = Callable[[Tensor], Tensor]
 """Predicted success of steps (dx [m], dy [m], dangle [rad]) from the current view. (B, 3) -> (B,)."""
 
@@ -35,7 +37,7 @@ class Optimiser(Protocol):
 
 
 class Method(Protocol):
-    """Settings of a servo method; begins a fresh optimiser for every run."""
+    """Settings of a servo method; begins a fresh optimiser for every servo run."""
 
     @property
     def max_steps(self) -> int:
@@ -43,3 +45,32 @@ class Method(Protocol):
 
     def begin(self) -> Optimiser:
         """An optimiser that has seen nothing yet."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ServoMethod:
+    """A method and what it is called."""
+
+    name: str
+    """As it is typed."""
+    label: str
+    """As figures call it, in short lines."""
+    settings: Method | None = None
+    """None for a baseline that grasps from where it starts."""
+    paper_rate: float | None = None
+    """Success that the paper reports for it on novel objects; None where it reports none."""
+
+    @property
+    def max_steps(self) -> int:
+        """Moves after which the best pose seen is grasped."""
+        return 0 if self.settings is None else self.settings.max_steps
+
+    def begin(self) -> Optimiser:
+        """An optimiser that has seen nothing yet.
+
+        Raises:
+            UnknownMethodError: The method does not servo.
+        """
+        if self.settings is None:
+            raise UnknownMethodError(f"method is {self.name!r}, which does not servo, expected one that does")
+        return self.settings.begin()

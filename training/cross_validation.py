@@ -10,7 +10,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from handsight.datasets.materialize import GraspInputs
+from handsight.datasets.inputs.materialize import GraspInputs
 from handsight.training.errors import TrainingDataError
 from handsight.training.metrics import Metrics, evaluate_scores
 from handsight.training.trainer import Epoch, TrainSettings, predict_mirrored, train

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional
 
-from handsight.datasets.augmentation import MIRRORINGS, Jitter, mirrored
-from handsight.datasets.materialize import GraspInputs
+from handsight.datasets.inputs.augmentation import MIRRORINGS, Jitter, mirrored
+from handsight.datasets.inputs.materialize import GraspInputs
 from handsight.training.errors import TrainerSettingsError, TrainingDataError
 from handsight.training.gqn import GqnConfig, GraspQualityNetwork, Scorer
 from handsight.training.metrics import Metrics, evaluate_scores

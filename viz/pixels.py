@@ -16,6 +16,9 @@ from handsight.servoing.camera import HandCamera
 from handsight.servoing.heatmap import Heatmap
 from handsight.viz.errors import RecordingError
 
+Step = tuple[float, float, float]
+"""A step (dx [m], dy [m], dangle [rad]) in the tool frame."""
+
 CENTRE_PX = 0.5
 """Centre of pixel (0, 0) in Rerun's coordinates."""
 FINGER_HALF_WIDTH_M = 0.011
@@ -46,7 +49,7 @@ class PictureFrame:
         """Scale of the picture on the plane, along columns and rows. Shape (2,)."""
         return np.array([self.camera.intrinsics.fx, self.camera.intrinsics.fy]) / self.plane_m
 
-    def jaws(self, step: tuple[float, float, float], width_m: float) -> list[NDArray[np.float64]]:
+    def jaws(self, step: Step, width_m: float) -> list[NDArray[np.float64]]:
         """Jaws opened by ``width_m`` after a step (dx [m], dy [m], dangle [rad]), seen from above.
 
         Returns:
@@ -96,7 +99,7 @@ def place_heatmap(heatmap: Heatmap) -> GridPlacement:
     )
 
 
-def best_step(heatmap: Heatmap, frame: PictureFrame) -> tuple[float, float, float]:
+def best_step(heatmap: Heatmap, frame: PictureFrame) -> Step:
     """The step (dx [m], dy [m], dangle [rad]) to the best place of a heatmap.
 
     The inverse of :meth:`PictureFrame.points`.

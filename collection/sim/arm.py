@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from handsight.collection.errors import PhaseAbortedError
 from handsight.collection.sim.arm_model import ARM_JOINTS, FINGER_JOINTS, FLANGE_TO_TIP_M, GRIPPER_LINKS
+from handsight.collection.sim.bullet import BulletClient, pybullet
 from handsight.collection.sim.config import SimConfig
-from handsight.collection.sim.engine import BulletClient, pybullet
 from handsight.collection.sim.kinematics import JOINT_LIMITS_RAD, REFERENCE_RAD, joints_for
 from handsight.collection.sim.motion import trapezoid
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handsight.collection.errors import StationSettingsError
-from handsight.collection.sim.engine import BulletClient, pybullet
+from handsight.collection.sim.bullet import BulletClient, pybullet
 from handsight.collection.sim.renderer import TINY, Renderer
 from handsight.collection.sim.table import TableTop
 from handsight.servoing.camera import HandCamera, Intrinsics

@@ -20,7 +20,7 @@ from functools import cache
 from importlib.util import find_spec
 
 from handsight.collection.errors import RendererUnavailableError, StationSettingsError
-from handsight.collection.sim.engine import BulletClient, connect, pybullet, quiet
+from handsight.collection.sim.bullet import BulletClient, connect, pybullet, quiet
 
 EGL_MODULE = "eglRenderer"
 EGL_ENTRY_POINT = "_eglRendererPlugin"

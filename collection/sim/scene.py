@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handsight.collection.errors import PhaseAbortedError
+from handsight.collection.sim.bullet import BulletClient, pybullet
 from handsight.collection.sim.config import DROP_SPACING_M, SimConfig
-from handsight.collection.sim.engine import BulletClient, pybullet
 from handsight.collection.sim.objects import ObjectModel
-from handsight.collection.sim.variety import Tint, Variety
+from handsight.collection.sim.randomization import Tint, Variety
 
 PLACEMENT_TRIES = 20
 """Places tried in one layer before an object is dropped from the next layer above."""

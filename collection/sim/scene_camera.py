@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from handsight.collection.errors import StationSettingsError
 from handsight.collection.sim.camera import Light, render_objects
 from handsight.collection.sim.config import SimConfig
-from handsight.collection.sim.diorama import Diorama
+from handsight.collection.sim.static_replica import Diorama
 from handsight.collection.sim.table import TABLE_CENTRE_M, TABLE_HALF_SIZE_M, TableTop, plane_depth_m, table_homography
 from handsight.datasets.records import SceneObjects
 from handsight.servoing.camera import Intrinsics

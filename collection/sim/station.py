@@ -19,10 +19,10 @@ from handsight.collection.sim.arm_model import temporary_arm_urdf
 from handsight.collection.sim.camera import DAYLIGHT, render
 from handsight.collection.sim.config import SimConfig
 from handsight.collection.sim.objects import ObjectModel, load_object_set
+from handsight.collection.sim.randomization import Variety, condition_names
 from handsight.collection.sim.renderer import EmptyEngines, renderer_named
 from handsight.collection.sim.scene import Scene
 from handsight.collection.sim.table import TABLE_FRICTION, add_table, wooden_table
-from handsight.collection.sim.variety import Variety, condition_names
 from handsight.collection.station import Descent, Workspace
 from handsight.datasets.records import SceneObjects, Snapshot, StationCard
 from handsight.servoing.planar import PlanarPose

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from handsight.collection.sim.engine import BulletClient, pybullet
+from handsight.collection.sim.bullet import BulletClient, pybullet
 from handsight.servoing.camera import Intrinsics
 
 TABLE_HALF_SIZE_M = 0.8

@@ -10,11 +10,11 @@ from typing import Any
 
 import cv2
 import pytest
-from tests.cli.refusals import check_refused
+from tests.support.refusals import check_refused
 
 from handsight.cli.app import NOUNS, run
 from handsight.datasets import GraspDataset
-from handsight.viz.montage import WIDTH_PX
+from handsight.viz.figures.pictures import WIDTH_PX
 
 
 @pytest.fixture(scope="module")

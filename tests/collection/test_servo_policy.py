@@ -15,9 +15,9 @@ import torch
 from safetensors.torch import load_file, save_file
 from torch import Tensor
 
-from handsight.cli.failures import CommandError
-from handsight.cli.policies import policy_named, recorded_policy
-from handsight.cli.resimulate import Resimulator
+from handsight.cli.errors import CommandError
+from handsight.cli.wiring.policies import policy_named, recorded_policy
+from handsight.cli.wiring.resimulate import Resimulator
 from handsight.collection.attempt import attempt_seed, run_attempt
 from handsight.collection.collector import CollectSettings, collect
 from handsight.collection.errors import CollectionSettingsError
@@ -26,7 +26,7 @@ from handsight.collection.servo_policy import ServoPolicy
 from handsight.collection.sim.config import SimConfig
 from handsight.collection.sim.station import SimStation, SimStationFactory
 from handsight.datasets import GraspDataset, GraspRepository
-from handsight.datasets.digest import attempt_digest
+from handsight.datasets.format.digest import attempt_digest
 from handsight.servoing.homography import InputGrid
 from handsight.servoing.objective import ScoreInputs
 from handsight.training.gqn import GraspQualityNetwork

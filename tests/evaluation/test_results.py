@@ -2,11 +2,12 @@ from __future__ import annotations
 
 import pytest
 
-from handsight.evaluation.errors import EvaluationSettingsError, UnknownMethodError
+from handsight.evaluation.errors import EvaluationSettingsError
 from handsight.evaluation.evaluate import EvaluationSettings
-from handsight.evaluation.methods import METHODS, check_methods
 from handsight.evaluation.results import result_rows, wilson_95
 from handsight.evaluation.trial import Trial
+from handsight.servoing.errors import UnknownMethodError
+from handsight.servoing.methods.registry import METHODS, check_methods
 
 
 def trial(method: str, success: bool, moves: int = 0, compute_s: float = float("nan")) -> Trial:

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 import torch
 from numpy.typing import NDArray
-from tests.training.drawn import SMALL, drawn_inputs
+from tests.support.drawn import SMALL, drawn_inputs
 
-from handsight.datasets.materialize import GraspInputs
+from handsight.datasets.inputs.materialize import GraspInputs
 from handsight.training.cross_validation import check_folds, out_of_fold_scores
 from handsight.training.errors import TrainingDataError
 from handsight.training.metrics import Metrics, evaluate_scores

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from tests.training.drawn import SMALL, drawn_inputs
+from tests.support.drawn import SMALL, drawn_inputs
 
-from handsight.datasets.materialize import GraspInputs
+from handsight.datasets.inputs.materialize import GraspInputs
 from handsight.servoing.homography import InputGrid
 from handsight.training.errors import CheckpointError, TrainerSettingsError, TrainingDataError
 from handsight.training.run import CARD, WEIGHTS, DataOrigin, load_run, load_scorer, save_run

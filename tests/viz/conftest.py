@@ -14,8 +14,8 @@ from handsight.evaluation.trial import TrialRecording, run_trial
 from handsight.servoing.heatmap import Heatmap, grasp_heatmap
 from handsight.servoing.homography import InputGrid
 from handsight.servoing.loop import ServoSettings
-from handsight.viz.heatmap import HeatmapExample
-from handsight.viz.trace import write_servo_trace
+from handsight.viz.examples import HeatmapExample
+from handsight.viz.recordings.servo_trace import write_servo_trace
 
 HEATMAP_SPACING_PX = 16
 

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from handsight.collection.sim.engine import BulletClient, connect, pybullet
+from handsight.collection.sim.bullet import BulletClient, connect, pybullet
 from handsight.collection.sim.objects.model import ObjectModel
 
 TILE_PX = 168

@@ -22,7 +22,7 @@ from hypothesis import strategies as st
 from handsight.cli.app import run
 from handsight.cli.output import Bar
 from handsight.collection.errors import MeshImportError
-from handsight.collection.sim.engine import connect
+from handsight.collection.sim.bullet import connect
 from handsight.collection.sim.objects import load_object_set
 from handsight.collection.sim.objects.cache import CACHE_VARIABLE, cache_root
 from handsight.collection.sim.objects.meshes.decomposition import Cutter

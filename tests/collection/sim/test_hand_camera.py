@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from handsight.collection.errors import StationSettingsError
 from handsight.collection.sim.arm import Arm
 from handsight.collection.sim.arm_model import temporary_arm_urdf
+from handsight.collection.sim.bullet import connect
+from handsight.collection.sim.bullet import pybullet as pb
 from handsight.collection.sim.camera import Light, camera_pose, render, render_objects
 from handsight.collection.sim.config import D435_ON_GRIPPER, SimConfig
-from handsight.collection.sim.engine import connect
-from handsight.collection.sim.engine import pybullet as pb
 from handsight.collection.sim.table import (
     TABLE_CENTRE_M,
     TABLE_HALF_SIZE_M,

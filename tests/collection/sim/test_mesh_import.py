@@ -13,8 +13,8 @@ import trimesh
 from PIL import Image
 
 from handsight.collection.errors import MeshImportError, ObjectSetError
+from handsight.collection.sim.bullet import BulletClient, connect
 from handsight.collection.sim.config import SimConfig
-from handsight.collection.sim.engine import BulletClient, connect
 from handsight.collection.sim.objects import list_object_sets, load_object_set
 from handsight.collection.sim.objects.cache import CACHE_VARIABLE, cache_root
 from handsight.collection.sim.objects.meshes.finding import find_meshes, object_names

@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from handsight.collection.errors import ObjectSetError
+from handsight.collection.sim.bullet import BulletClient, connect
 from handsight.collection.sim.config import SimConfig
-from handsight.collection.sim.engine import BulletClient, connect
 from handsight.collection.sim.objects import ObjectModel, list_object_sets, load_object_set
 from handsight.collection.sim.objects.cache import CACHE_VARIABLE, cache_root, publish
 from handsight.collection.sim.objects.contact_sheet import TILE_PX, contact_sheet
@@ -33,10 +33,10 @@ from handsight.collection.sim.objects.household.surface import collision_part
 from handsight.collection.sim.objects.household.table import TEST, TRAIN, HouseholdObject
 from handsight.collection.sim.objects.manifest import MANIFEST_FILE, load_models, read_manifest
 from handsight.collection.sim.objects.urdf import RigidObject, mass_properties
+from handsight.collection.sim.randomization import Variety
 from handsight.collection.sim.scene import Scene
 from handsight.collection.sim.station import SimStation
 from handsight.collection.sim.table import add_table
-from handsight.collection.sim.variety import Variety
 from handsight.datasets.records import SceneObjects
 
 EVERYTHING = (*TRAIN, *TEST)

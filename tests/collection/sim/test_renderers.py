@@ -16,17 +16,17 @@ import torch
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from tests.servoing.alignment import FULL, INNER, SKEWED, look, shift_px, write_textured_square
+from tests.support.alignment import FULL, INNER, SKEWED, look, shift_px, write_textured_square
 
 from handsight.collection.attempt import attempt_seed, run_attempt
 from handsight.collection.errors import RendererUnavailableError, StationSettingsError
 from handsight.collection.policy import UniformPolicy
 from handsight.collection.sim import renderer as renderer_module
 from handsight.collection.sim import renderer_choice
+from handsight.collection.sim.bullet import BulletClient, quiet
+from handsight.collection.sim.bullet import pybullet as pb
 from handsight.collection.sim.camera import Light, camera_pose, render_objects
 from handsight.collection.sim.config import D435_ON_GRIPPER, SimConfig
-from handsight.collection.sim.engine import BulletClient, quiet
-from handsight.collection.sim.engine import pybullet as pb
 from handsight.collection.sim.renderer import (
     EGL,
     TINY,

@@ -16,8 +16,8 @@ from handsight.collection.errors import StationSettingsError, UnreachableError
 from handsight.collection.policy import UniformPolicy
 from handsight.collection.sim.arm_model import FLANGE_TO_TIP_M
 from handsight.collection.sim.config import SimConfig
-from handsight.collection.sim.diorama import Diorama
 from handsight.collection.sim.scene_camera import LAMP_M, SceneCamera, Viewpoint, pose_looking_at
+from handsight.collection.sim.static_replica import Diorama
 from handsight.collection.sim.station import SimStation
 from handsight.collection.sim.table import TABLE_CENTRE_M, TABLE_HALF_SIZE_M, wooden_table
 from handsight.datasets.records import SceneObjects

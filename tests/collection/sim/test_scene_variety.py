@@ -13,9 +13,9 @@ from handsight.collection.errors import StationSettingsError
 from handsight.collection.policy import UniformPolicy
 from handsight.collection.sim.camera import Light
 from handsight.collection.sim.config import VARIETY, SimConfig
+from handsight.collection.sim.randomization import LampPlace, Variety, condition_names
 from handsight.collection.sim.station import SimStation, SimStationFactory
 from handsight.collection.sim.table_look import PATTERNS, TableLook
-from handsight.collection.sim.variety import LampPlace, Variety, condition_names
 from handsight.datasets.records import GraspAttempt
 
 

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from handsight.collection.errors import UnreachableError
 from handsight.collection.sim.arm import Arm
 from handsight.collection.sim.arm_model import temporary_arm_urdf
+from handsight.collection.sim.bullet import connect
 from handsight.collection.sim.config import SimConfig
-from handsight.collection.sim.engine import connect
 from handsight.collection.sim.kinematics import JOINT_LIMITS_RAD, REFERENCE_RAD, joints_for
 from handsight.servoing.planar import PlanarPose
 

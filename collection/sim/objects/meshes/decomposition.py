@@ -13,10 +13,10 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from handsight.collection.engine import LOCAL
 from handsight.collection.sim.objects.meshes.fault import MeshFault
 from handsight.collection.sim.objects.meshes.solid import Solid
 from handsight.collection.sim.objects.wavefront import ConvexPart
+from handsight.jobs.engine import LOCAL
 
 MAX_PARTS = 12
 MAX_PART_VERTICES = 32

@@ -1,0 +1,1 @@
+"""``handsight dataset``: one file for each group of its commands."""

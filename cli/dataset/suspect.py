@@ -1,0 +1,61 @@
+"""``handsight dataset suspect``: which labels to look at again."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from handsight.cli.options import Dataset, Json, Seed
+from handsight.cli.output import console, errors, print_json, print_table
+from handsight.datasets.reading.reader import GraspDataset
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to ``handsight dataset``."""
+    app.command("suspect")(suspect)
+
+
+def suspect(
+    dataset: Dataset,
+    folds: Annotated[
+        str, typer.Option("--folds", metavar="NAME", help="Stored folds to use; without it three are made, not stored.")
+    ] = "",
+    epochs: Annotated[int, typer.Option(help="Passes over the data for each network.")] = 10,
+    count: Annotated[int, typer.Option("--count", "-n", min=1, help="How many to list.")] = 20,
+    where: Annotated[
+        str,
+        typer.Option("--where", metavar="EXPRESSION", help="List only such attempts; the networks learn from all."),
+    ] = "",
+    seed: Seed = 0,
+    rrd: Annotated[
+        Path | None, typer.Option("--rrd", metavar="FILE", help="Also write them as a recording, for 'rerun FILE'.")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """List the attempts whose label cross-validated networks doubt most; nothing in the dataset changes.
+
+    Every network is trained on all folds but one and judges that one, so no attempt is judged by a network that saw it.
+    How rare a label is counts half in choosing the list, or successes, which are hard to foresee, would fill it.
+    """
+    # Imported here: PyTorch and Rerun take seconds, and the other commands for datasets need neither.
+    from handsight.cli.wiring.label_review import plan_review, review_labels, write_review
+
+    opened = GraspDataset.open(dataset)
+    plan = plan_review(opened, folds=folds, epochs=epochs, where=where, seed=seed, rrd=rrd)
+    data, review = review_labels(opened, plan, count)
+    if rrd is not None:
+        write_review(rrd, opened, data, review.suspects)
+    if as_json:
+        errors.print(review.trust, soft_wrap=True)
+        print_json(review.suspects)
+        return
+    rows = [
+        (one.attempt, f"{one.doubt:.3f}", one.label, f"{one.predicted_success:.3f}", one.simulator, one.target or "-")
+        for one in review.suspects
+    ]
+    print_table(("attempt", "doubt", "label", "predicted", "simulator", "target"), rows)
+    console.print(review.trust)
+    look = "write them to a recording with --rrd FILE" if rrd is None else f"look at them with 'rerun {rrd}'"
+    console.print(f"{look}, then correct labels with 'handsight dataset relabel' or set attempts aside with 'exclude'")

@@ -1,0 +1,1 @@
+"""Concrete parts put together for the commands: stations, policies, renderers by name."""

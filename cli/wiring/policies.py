@@ -1,0 +1,102 @@
+"""Wires policy names to policies; the one place of collection that knows trained runs."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from handsight.cli.errors import CommandError
+from handsight.collection.policy import PregraspPolicy, UniformPolicy
+from handsight.collection.servo_policy import ServoPolicy
+from handsight.servoing.homography import InputGrid
+from handsight.servoing.loop import ServoSettings
+from handsight.servoing.methods.registry import METHODS, servo_method
+from handsight.servoing.objective import ScoreInputs
+from handsight.training.run import WEIGHTS, load_run, load_scorer
+
+DEFAULT_METHOD = "cem-1"
+DEFAULT_RANDOM_SHARE = 0.3
+
+
+@dataclass(frozen=True, slots=True)
+class RunNetwork:
+    """Opens the network of a trained run in any process."""
+
+    folder: Path
+    sha256: str
+    """Of its weights."""
+
+    def __call__(self) -> ScoreInputs:
+        """Load it, on one thread: several workers with several threads would only wait for each other.
+
+        Raises:
+            CheckpointError: The run is gone or damaged.
+        """
+        torch.set_num_threads(1)
+        return load_scorer(self.folder)
+
+
+def policy_named(
+    name: str, *, model: Path | None, method: str | None, random_share: float | None, threshold: float | None
+) -> PregraspPolicy:
+    """The policy that the options describe, its network checked before any process is started.
+
+    Raises:
+        CommandError: Options that do not go together.
+        CheckpointError: The run is missing or damaged.
+        UnknownMethodError: There is no such servo method.
+        CollectionSettingsError: The random share is no share.
+    """
+    if name != "servo":
+        given = {"--model": model, "--method": method, "--random-share": random_share, "--threshold": threshold}
+        extra = [option for option, value in given.items() if value is not None]
+        if extra:
+            raise CommandError(f"{', '.join(extra)} goes with --policy servo, and the policy is {name}")
+        return UniformPolicy()
+    if model is None:
+        raise CommandError("--policy servo needs a trained network: name its folder with --model RUN")
+    chosen = DEFAULT_METHOD if method is None else method
+    servoing = servo_method(chosen)
+    run = load_run(model)
+    return ServoPolicy(
+        open_network=_network(model),
+        method=servoing,
+        random_share=DEFAULT_RANDOM_SHARE if random_share is None else random_share,
+        servo=ServoSettings(grid=run.grid, **({} if threshold is None else {"threshold": threshold})),
+    )
+
+
+def recorded_policy(settings: dict[str, Any], model: Path | None) -> PregraspPolicy | None:
+    """The policy of a recorded session, to perform its attempts again; None where it cannot be made.
+
+    Args:
+        settings: What :meth:`PregraspPolicy.settings` gave.
+        model: The run that the servo policy used, if it is at hand.
+    """
+    rest = {name: value for name, value in settings.items() if name != "name"}
+    if settings.get("name") == "uniform":
+        return UniformPolicy(**rest)
+    if settings.get("name") != "servo" or model is None or rest["method"] not in METHODS:
+        return None
+    network = _network(model)
+    if network.sha256 != rest["weights_sha256"]:
+        raise CommandError(
+            f"{model} holds weights {network.sha256[:12]}…, and the session was collected with "
+            f"{rest['weights_sha256'][:12]}…: name the run that collected it"
+        )
+    servo = rest["servo"]
+    return ServoPolicy(
+        open_network=network,
+        method=METHODS[rest["method"]],
+        random_share=rest["random_share"],
+        start=UniformPolicy(half_range_m=rest["half_range_m"]),
+        servo=ServoSettings(threshold=servo["threshold"], grid=InputGrid(**servo["grid"])),
+    )
+
+
+def _network(model: Path) -> RunNetwork:
+    return RunNetwork(model.resolve(), hashlib.sha256((model / WEIGHTS).read_bytes()).hexdigest())

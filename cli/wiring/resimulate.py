@@ -1,0 +1,66 @@
+"""Performs recorded attempts again, in the station their session describes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from handsight.cli.wiring.policies import recorded_policy
+from handsight.collection.attempt import attempt_seed, run_attempt
+from handsight.collection.sim.config import SimConfig
+from handsight.collection.sim.station import SimStation
+from handsight.collection.station import Workspace
+from handsight.datasets.format.header import canonical_json
+from handsight.datasets.records import GraspAttempt, SessionHeader
+from handsight.servoing.camera import HandCamera, Intrinsics
+
+
+class Resimulator:
+    """Answers for simulated sessions; keeps one station for each configuration."""
+
+    def __init__(self, model: Path | None = None) -> None:
+        """Prepare to simulate.
+
+        Args:
+            model: The run whose network chose the grasps, for sessions of the servo policy.
+        """
+        self._stations: dict[str, SimStation] = {}
+        self._model = model
+
+    def __call__(self, header: SessionHeader, number: int) -> GraspAttempt | None:
+        """Attempt ``number`` of a session; None for one that was not simulated, or by a network that is not at hand."""
+        if header.station.source != "sim" or header.seed is None:
+            return None
+        policy = recorded_policy(header.config.get("policy", {}), self._model)
+        if policy is None:
+            return None
+        return run_attempt(
+            self._station(header.config["station"]),
+            policy,
+            number,
+            attempt_seed(header.seed, number),
+            pregrasp_picture=header.config["pregrasp_picture"],
+        )
+
+    def close(self) -> None:
+        """Stop the stations."""
+        for station in self._stations.values():
+            station.close()
+        self._stations.clear()
+
+    def _station(self, settings: dict[str, Any]) -> SimStation:
+        key = canonical_json(settings)
+        if key not in self._stations:
+            self._stations[key] = SimStation(_config(settings))
+        return self._stations[key]
+
+
+def _config(settings: dict[str, Any]) -> SimConfig:
+    camera = dict(settings["camera"])
+    intrinsics = Intrinsics(**camera.pop("intrinsics"))
+    parts = {
+        "camera": HandCamera(intrinsics=intrinsics, **camera),
+        "workspace": Workspace(**settings["workspace"]),
+        "vary": tuple(settings.get("vary", ())),
+    }
+    return SimConfig(**{**settings, **parts})

@@ -1,0 +1,48 @@
+"""Wires station names to stations; the one place that knows the simulator."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from handsight.cli.errors import CommandError
+from handsight.collection.sim.config import VARIETY, SimConfig
+from handsight.collection.sim.objects import load_object_set, objects_per_scene
+from handsight.collection.sim.station import SimStationFactory, check_object_count
+
+EVERYTHING = "all"
+"""What ``--vary`` takes for all of ``VARIETY``."""
+
+
+def varieties(given: Sequence[str] | None) -> tuple[str, ...]:
+    """What ``--vary`` asks for, each once and in one order, so that equal requests are equal configurations.
+
+    Raises:
+        CommandError: Something there is not.
+    """
+    wanted = set(given or ())
+    unknown = sorted(wanted - {*VARIETY, EVERYTHING})
+    if unknown:
+        expected = ", ".join((*VARIETY, EVERYTHING))
+        raise CommandError(f"vary is {', '.join(map(repr, unknown))}, expected some of: {expected}")
+    return VARIETY if EVERYTHING in wanted else tuple(kind for kind in VARIETY if kind in wanted)
+
+
+def sim_station(
+    objects: str, *, shakes: int = 0, per_scene: int | None = None, vary: tuple[str, ...] = ()
+) -> SimStationFactory:
+    """The simulated station over an object set, checked before any process is started.
+
+    Args:
+        objects: The set.
+        shakes: Shakes after the lift.
+        per_scene: Objects in a scene; None for what the set asks for.
+        vary: What differs between scenes beside the objects; see ``config.VARIETY``.
+
+    Raises:
+        ObjectSetError: Unknown object set, or fewer objects in it than a scene needs.
+        StationSettingsError: The settings describe no usable station.
+    """
+    count = objects_per_scene(objects) if per_scene is None else per_scene
+    config = SimConfig(objects=objects, shakes=shakes, objects_per_scene=count, vary=vary)
+    check_object_count(load_object_set(objects), config)
+    return SimStationFactory(config=config)

@@ -1,0 +1,68 @@
+"""Saved views: ``--where`` expressions with a name, kept in the dataset and versioned with it.
+
+They are attributes of the group ``/views``: ``{name: {where, author, saved}}``.
+"""
+
+from __future__ import annotations
+
+import zarr
+
+from handsight.datasets.address import DEFAULT_REF
+from handsight.datasets.errors import RefNameError, UnknownNameError
+from handsight.datasets.format.arrays import group_at
+from handsight.datasets.format.provenance import utc_now
+from handsight.datasets.format.saved_views import VIEWS_GROUP, view_entries
+from handsight.datasets.reading.reader import GraspDataset
+from handsight.datasets.reading.selection import matches
+from handsight.datasets.store.releases import is_plain_name
+from handsight.datasets.store.repository import GraspRepository
+from handsight.datasets.writing.change import change_branch
+
+
+def save_view(
+    repository: GraspRepository, name: str, where: str, *, author: str, branch: str = DEFAULT_REF, replace: bool = False
+) -> int:
+    """Keep an expression under a name, in one commit, and return how many attempts it matches now.
+
+    Raises:
+        RefNameError: The name is malformed or, without ``replace``, taken by another expression.
+        WhereError: The expression is not sound.
+        RefNotFoundError: There is no such branch.
+    """
+    if not is_plain_name(name):
+        raise RefNameError(f"view name is {name!r}, expected 1 to 64 letters, digits, '.', '_' or '-'")
+    found: list[int] = []
+
+    def change(dataset: GraspDataset, root: zarr.Group) -> str | None:
+        found[:] = [int(matches(dataset.attempts, where).sum())]
+        entries = view_entries(root)
+        if name in entries and entries[name]["where"] == where:
+            return None
+        if name in entries and not replace:
+            raise RefNameError(
+                f"there is a view {name!r} already, {entries[name]['where']!r}: replace it or choose another"
+            )
+        group = group_at(root, VIEWS_GROUP) if VIEWS_GROUP in root else root.create_group(VIEWS_GROUP)
+        group.update_attributes({name: {"where": where, "author": author, "saved": utc_now()}})
+        return f"save view {name}: {where}"
+
+    change_branch(repository, branch, change)
+    return found[0]
+
+
+def forget_view(repository: GraspRepository, name: str, *, branch: str = DEFAULT_REF) -> None:
+    """Drop a saved view, in one commit; earlier versions keep it.
+
+    Raises:
+        UnknownNameError: There is no such view.
+        RefNotFoundError: There is no such branch.
+    """
+
+    def change(dataset: GraspDataset, root: zarr.Group) -> str:
+        entries = view_entries(root)
+        if name not in entries:
+            raise UnknownNameError(f"there is no saved view {name!r} (views: {', '.join(sorted(entries)) or 'none'})")
+        group_at(root, VIEWS_GROUP).attrs.put({key: value for key, value in entries.items() if key != name})
+        return f"forget view {name}"
+
+    change_branch(repository, branch, change)

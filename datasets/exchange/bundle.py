@@ -1,0 +1,117 @@
+"""What every format carries: sessions, and what curation decided about their attempts."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+from handsight.datasets.errors import DatasetError, InterchangeError
+from handsight.datasets.exchange.sources import SessionSource
+from handsight.datasets.format.decisions import Action, Decision
+from handsight.datasets.format.schema import SCHEMA_VERSION, parse_attempt_id
+from handsight.datasets.reading.reader import GraspDataset
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Bundle:
+    """A foreign dataset, open for reading."""
+
+    sessions: Sequence[SessionSource]
+    decisions: Sequence[Decision] = ()
+    """Oldest first."""
+
+
+def origin_of(dataset: GraspDataset) -> dict[str, Any]:
+    """Where an export comes from, as JSON values; written into every format that has a place for it."""
+    root = dataset.repository.root(dataset.snapshot_id)
+    return {
+        "schema_version": SCHEMA_VERSION,
+        "dataset_uuid": root.attrs.get("dataset_uuid"),
+        "ref": dataset.ref,
+        "snapshot": dataset.snapshot_id,
+        "digest": dataset.digest,
+    }
+
+
+def schema_of_origin(origin: dict[str, Any], where: object) -> int:
+    """The schema version of an export; older ones are brought forward (older.py).
+
+    Raises:
+        InterchangeError: It is newer than this handsight's, or none is named.
+    """
+    version = origin.get("schema_version")
+    if not isinstance(version, int) or isinstance(version, bool) or version < 1:
+        raise InterchangeError(
+            f"{where} has schema version {version!r}, expected 1 to {SCHEMA_VERSION}: it was not exported by handsight"
+        )
+    if version > SCHEMA_VERSION:
+        raise InterchangeError(
+            f"{where} has schema version {version}, this handsight reads up to {SCHEMA_VERSION}: upgrade handsight"
+        )
+    return version
+
+
+def refuse_linked(path: Path) -> None:
+    """Refuse a folder from which a path could lead out.
+
+    Raises:
+        InterchangeError: A file or folder in it is a link.
+    """
+    for parent, folders, files in os.walk(path):
+        for name in (*folders, *files):
+            if (Path(parent) / name).is_symlink():
+                raise InterchangeError(f"{path} holds a link at {Path(parent) / name}: links are not followed")
+
+
+def decisions_to_json(decisions: Sequence[Decision]) -> str:
+    """Decisions as one JSON text."""
+    return json.dumps(
+        [
+            {
+                "action": one.action.name.lower(),
+                "value": one.value,
+                "reason": one.reason,
+                "author": one.author,
+                "decided": one.decided.isoformat(),
+                "attempts": list(one.attempts),
+            }
+            for one in decisions
+        ]
+    )
+
+
+def decisions_from_json(text: str, where: object) -> tuple[Decision, ...]:
+    """The decisions that :func:`decisions_to_json` was given.
+
+    Raises:
+        InterchangeError: The text is something else.
+    """
+    try:
+        return tuple(_decision(number, card) for number, card in enumerate(json.loads(text)))
+    except (KeyError, TypeError, ValueError, AttributeError, DatasetError) as error:
+        raise InterchangeError(
+            f"the decisions in {where} cannot be read ({type(error).__name__}: {error}), "
+            "expected those that handsight exports"
+        ) from error
+
+
+def _decision(number: int, card: dict[str, Any]) -> Decision:
+    for attempt in card["attempts"]:
+        parse_attempt_id(attempt)
+    value = card["value"]
+    if value is not None and not isinstance(value, int):
+        raise ValueError(f"value is {value!r}")
+    return Decision(
+        number=number,
+        action=Action[card["action"].upper()],
+        value=value,
+        reason=str(card["reason"]),
+        author=str(card["author"]),
+        decided=datetime.fromisoformat(card["decided"]),
+        attempts=tuple(card["attempts"]),
+    )

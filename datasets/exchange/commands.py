@@ -1,0 +1,131 @@
+"""Export and import, whatever the format."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from handsight.datasets.address import DEFAULT_REF, Place, S3Prefix, place_of
+from handsight.datasets.errors import InterchangeError
+from handsight.datasets.exchange.formats import format_named, format_of
+from handsight.datasets.exchange.transfer import TransferReport, transfer
+from handsight.datasets.reading.reader import GraspDataset
+from handsight.datasets.store.icechunk_engine import sync_file_system
+from handsight.datasets.store.repository import GraspRepository
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ImportReport:
+    """What an import did, or would do."""
+
+    format: str
+    created: bool
+    """Whether the dataset was made by this import."""
+    transfer: TransferReport
+
+
+def export_dataset(
+    dataset: GraspDataset, target: str | Path, *, format: str, on_attempt: Callable[[], None] | None = None
+) -> None:
+    """Write a whole version, curation included, in another format.
+
+    Args:
+        dataset: The version.
+        target: File or folder to make. It is whole or absent: it is written beside its place and renamed.
+        format: Name of the format, see ``FORMATS``.
+        on_attempt: Called for every attempt written.
+
+    Raises:
+        InterchangeError: The format cannot be written, or something is at the target.
+        CorruptDataError: An attempt is damaged; the message names it.
+    """
+    chosen, path = format_named(format), Path(target)
+    if chosen.write is None:
+        raise InterchangeError(f"format {format!r} is only imported: choose another")
+    with whole_or_absent(path) as unfinished:
+        chosen.write(dataset, unfinished, on_attempt or _nothing)
+
+
+def import_dataset(
+    source: str | Path,
+    target: str | Place,
+    *,
+    format: str | None = None,
+    branch: str = DEFAULT_REF,
+    allow_mismatch: bool = False,
+    dry_run: bool = False,
+    on_attempt: Callable[[], None] | None = None,
+) -> ImportReport:
+    """Add everything in a file or folder of another format to a dataset, which is made where there is none.
+
+    All of it is added or none; see ``transfer.transfer`` for the checks, the arguments and the errors they raise.
+
+    Args:
+        source: What to import.
+        target: The dataset; in a bucket it must exist already.
+        format: Name of the format; None to look at the source.
+        branch: The branch of an existing dataset that moves.
+        allow_mismatch: Take sessions recorded with other instruments than those the dataset knows.
+        dry_run: Check and report, and change nothing.
+        on_attempt: Called for every attempt written.
+
+    Raises:
+        InterchangeError: The source is in no known format or is malformed.
+    """
+    path, place = Path(source), place_of(target)
+    chosen = format_of(path) if format is None else format_named(format)
+    message = f"import {path.name} ({chosen.name})"
+    with chosen.open(path) as bundle, _destination(place, dry_run=dry_run) as repository:
+        report = transfer(
+            repository,
+            bundle.sessions,
+            decisions=bundle.decisions,
+            branch=branch,
+            message=message,
+            allow_mismatch=allow_mismatch,
+            dry_run=dry_run,
+            on_attempt=on_attempt,
+        )
+        created = repository.path != place
+    return ImportReport(format=chosen.name, created=created and not dry_run, transfer=report)
+
+
+@contextmanager
+def whole_or_absent(target: Path) -> Iterator[Path]:
+    """A path to write to that becomes ``target`` at the end, unless the block fails, which leaves nothing.
+
+    Raises:
+        InterchangeError: Something is at the target.
+    """
+    if target.exists() or target.is_symlink():
+        raise InterchangeError(f"there is something at {target} already: choose another path, or move it away")
+    target.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix=f".{target.name}.new-", dir=target.parent) as folder:
+        unfinished = Path(folder) / target.name
+        yield unfinished
+        sync_file_system(unfinished)
+        unfinished.rename(target)
+
+
+@contextmanager
+def _destination(path: Place, *, dry_run: bool) -> Iterator[GraspRepository]:
+    """The dataset at a place; a new folder appears there only once the block has succeeded."""
+    if isinstance(path, S3Prefix):
+        yield GraspRepository.open(path)
+        return
+    if path.exists():
+        yield GraspRepository.open(path)
+        return
+    if dry_run:
+        with tempfile.TemporaryDirectory() as folder:
+            yield GraspRepository.create(Path(folder) / "dataset")
+        return
+    with whole_or_absent(path) as unfinished:
+        yield GraspRepository.create(unfinished)
+
+
+def _nothing() -> None:
+    pass

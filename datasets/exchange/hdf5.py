@@ -1,0 +1,219 @@
+"""HDF5 in the layout of robomimic: one demo for each attempt, one step in each demo.
+
+::
+
+    /                                   attrs: handsight (origin, JSON)
+    /data                               attrs: total, env_args (JSON), as robomimic wants them
+    /data/demo_<k>                      attrs: num_samples, attempt (id)
+        actions                         f8 (1, 3), pre-grasp x [m], y [m], angle [rad] in the base frame
+        rewards, dones                  f8 (1,), 1 where the grasp succeeded; i8 (1,), always 1
+        obs/<view>_rgb                  u1 (1, H, W, 3)
+        obs/<view>_depth                u2 (1, H, W), in units of the camera's depth scale
+        obs/<view>_pose_base_tool       f8 (1, 4, 4); nothing of a view whose picture was never taken
+    /mask/labelled, /mask/excluded      names of demos, as robomimic's filter keys
+    /sessions/<ulid>                    attrs: first_demo
+        attributes                      JSON: header, configuration, code version, packages, times, status
+        columns/<column>                (N, ...), as in schema.py
+    /decisions                          JSON: curation
+
+What robomimic does not read (`handsight`, `sessions`, `decisions`) is what brings every byte back.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import zarr
+from numpy.typing import NDArray
+
+from handsight.datasets.errors import CorruptDataError, InterchangeError
+from handsight.datasets.exchange.bundle import (
+    Bundle,
+    decisions_from_json,
+    decisions_to_json,
+    origin_of,
+    schema_of_origin,
+)
+from handsight.datasets.exchange.sources import SessionSource, checked_source, stored_sources
+from handsight.datasets.format.arrays import array_at, group_at, read_rows
+from handsight.datasets.format.rows import from_row, snapshot_of
+from handsight.datasets.format.schema import COLUMNS, SESSIONS, VIEWS, View, attempt_id, slots_of
+from handsight.datasets.format.upgrades import columns_of, current_attributes, empty_columns
+from handsight.datasets.reading.reader import GraspDataset
+from handsight.datasets.records import GraspAttempt, SessionHeader, Snapshot
+
+_SIGNATURE = b"\x89HDF\r\n\x1a\n"
+_PACKING = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
+"""Lossless. Higher levels take several times as long for a few per cent."""
+
+
+def recognises(path: Path) -> bool:
+    """Whether the path is an HDF5 file."""
+    if not path.is_file():
+        return False
+    with path.open("rb") as file:
+        return file.read(len(_SIGNATURE)) == _SIGNATURE
+
+
+def write(dataset: GraspDataset, path: Path, on_attempt: Callable[[], None]) -> None:
+    """Write a version to a new file."""
+    root = dataset.repository.root(dataset.snapshot_id)
+    excluded = set(dataset.overlay.exclusions.index)
+    masks: dict[str, list[str]] = {"labelled": [], "excluded": []}
+    demo = 0
+    with h5py.File(path, "x") as file:
+        file.attrs["handsight"] = json.dumps(origin_of(dataset))
+        file["decisions"] = decisions_to_json(dataset.overlay.decisions)
+        data, _ = file.create_group("data"), file.create_group(SESSIONS)
+        for source in stored_sources(root):
+            _write_session(file, source, group_at(root, f"{SESSIONS}/{source.ulid}/attempts"), first_demo=demo)
+            for attempt in source.attempts():
+                name, identity = f"demo_{demo}", attempt_id(source.ulid, attempt.number)
+                _write_demo(data.create_group(name), attempt, identity)
+                masks["labelled"] += [name] if attempt.labelled else []
+                masks["excluded"] += [name] if identity in excluded else []
+                demo += 1
+                on_attempt()
+        data.attrs["total"] = demo
+        data.attrs["env_args"] = json.dumps({"env_name": "handsight", "type": 2, "env_kwargs": {}})
+        for key, names in masks.items():
+            file[f"mask/{key}"] = np.array(names, dtype="S")
+
+
+@contextmanager
+def open_bundle(path: Path) -> Iterator[Bundle]:
+    """Open a file for import.
+
+    Raises:
+        InterchangeError: The file is truncated, foreign, newer, or holds links.
+    """
+    try:
+        file = h5py.File(path, "r")
+    except OSError as error:
+        raise InterchangeError(f"{path} cannot be opened as HDF5 ({error}): take an undamaged copy") from error
+    with file:
+        try:
+            _refuse_links(file, path)
+            schema = schema_of_origin(json.loads(file.attrs.get("handsight", "{}")), path)
+            sessions = [_source(file, ulid, path, schema) for ulid in sorted(_group(file, SESSIONS, path))]
+            decisions = decisions_from_json(file["decisions"].asstr()[()], path)
+        except (KeyError, ValueError, TypeError, OSError, RuntimeError) as error:
+            if isinstance(error, InterchangeError):
+                raise
+            raise InterchangeError(f"{path} was not exported by handsight, or is damaged: {error}") from error
+        yield Bundle(sessions=sessions, decisions=decisions)
+
+
+def _write_session(file: h5py.File, source: SessionSource, attempts: zarr.Group, *, first_demo: int) -> None:
+    group = file.create_group(f"{SESSIONS}/{source.ulid}")
+    group.attrs["first_demo"] = first_demo
+    group["attributes"] = json.dumps(source.attributes)
+    for column in COLUMNS:
+        values = read_rows(array_at(attempts, column.name), 0, source.size)
+        group.create_dataset(f"columns/{column.name}", data=values, **(_PACKING if values.size else {}))
+
+
+def _write_demo(demo: h5py.Group, attempt: GraspAttempt, identity: str) -> None:
+    demo.attrs["num_samples"] = 1
+    demo.attrs["attempt"] = identity
+    action = (attempt.pregrasp_x_m, attempt.pregrasp_y_m, attempt.pregrasp_angle_rad)
+    demo["actions"] = np.array([action])
+    demo["rewards"] = np.array([float(attempt.outcome.name == "HELD")])
+    demo["dones"] = np.array([1])
+    observations = demo.create_group("obs")
+    for view in VIEWS:
+        snapshot = snapshot_of(attempt, view)
+        if snapshot is not None:
+            for name in ("rgb", "depth"):
+                frame = getattr(snapshot, name)[None]
+                observations.create_dataset(f"{view}_{name}", data=frame, chunks=frame.shape, **_PACKING)
+            observations[f"{view}_pose_base_tool"] = snapshot.pose_base_tool[None]
+
+
+def _source(file: h5py.File, ulid: str, path: Path, schema: int) -> SessionSource:
+    group = _group(file, f"{SESSIONS}/{ulid}", path)
+    attributes = current_attributes(json.loads(group["attributes"].asstr()[()]), schema)
+    size, demos = len(group["columns/number"]), len(_group(file, "data", path))
+    if size > demos:
+        # Before any column is read: a few bytes suffice to claim any number of rows.
+        raise InterchangeError(f"{path}: session {ulid} claims {size} attempts, and the file has {demos} demos")
+    source = checked_source(ulid, attributes, size=size, attempts=lambda: iter(()))
+    slots = slots_of(source.header)
+    columns = {
+        column.name: _array(group, f"columns/{column.name}", column.dtype, (size, *column.shape(slots)), path)
+        for column in columns_of(schema)
+    }
+    columns |= empty_columns(schema, size, slots)
+    return checked_source(
+        ulid,
+        attributes,
+        size=size,
+        attempts=partial(_read_attempts, file, source.header, columns, int(group.attrs["first_demo"]), ulid),
+        digests=tuple(digest.tobytes() for digest in columns["digest"]),
+    )
+
+
+def _read_attempts(
+    file: h5py.File, header: SessionHeader, columns: dict[str, NDArray[Any]], first_demo: int, ulid: str
+) -> Iterator[GraspAttempt]:
+    for number in range(len(columns["number"])):
+        row = {name: values[number] for name, values in columns.items()}
+        demo = f"data/demo_{first_demo + number}"
+        taken = dict(zip(VIEWS, row["picture_taken"], strict=True))
+        try:
+            if file[demo].attrs["attempt"] != attempt_id(ulid, number):
+                raise InterchangeError(f"{demo} is attempt {file[demo].attrs['attempt']}")
+            pictures = {view: _snapshot(file, demo, view, header) if taken[view] else None for view in VIEWS}
+        except (KeyError, OSError, RuntimeError, InterchangeError) as error:
+            raise CorruptDataError(
+                f"attempt {attempt_id(ulid, number)} cannot be read from {file.filename}: {error}; "
+                "take an undamaged copy"
+            ) from error
+        yield from_row(row, pictures)
+
+
+def _snapshot(file: h5py.File, demo: str, view: View, header: SessionHeader) -> Snapshot:
+    intrinsics = header.station.camera.intrinsics
+    frame = (1, intrinsics.height, intrinsics.width)
+    group = file[f"{demo}/obs"]
+    return Snapshot(
+        rgb=_array(group, f"{view}_rgb", "uint8", (*frame, 3), demo)[0],
+        depth=_array(group, f"{view}_depth", "uint16", frame, demo)[0],
+        pose_base_tool=_array(group, f"{view}_pose_base_tool", "float64", (1, 4, 4), demo)[0],
+    )
+
+
+def _group(file: h5py.File, name: str, where: object) -> h5py.Group:
+    node = file.get(name)
+    if not isinstance(node, h5py.Group):
+        raise InterchangeError(f"{where} has no group {name}: it was not exported by handsight")
+    return node
+
+
+def _array(group: h5py.Group, name: str, dtype: str, shape: tuple[int, ...], where: object) -> NDArray[Any]:
+    """A whole dataset whose type and shape are known, so that a file cannot ask for more memory than it should."""
+    node = group.get(name)
+    if not isinstance(node, h5py.Dataset) or node.dtype != np.dtype(dtype) or node.shape != shape:
+        found = f"{node.dtype} {node.shape}" if isinstance(node, h5py.Dataset) else type(node).__name__
+        raise InterchangeError(f"{where}: {name} is {found}, expected {dtype} {shape}")
+    return np.asarray(node[()])
+
+
+def _refuse_links(group: h5py.Group, path: Path) -> None:
+    """Refuse whatever could reach outside the file, or round in circles inside it."""
+    for name in group:
+        link = group.get(name, getlink=True)
+        if not isinstance(link, h5py.HardLink):
+            raise InterchangeError(f"{path} holds a link at {group.name}/{name}: links are not followed; remove it")
+        node = group[name]
+        if isinstance(node, h5py.Dataset) and (node.external or node.is_virtual):
+            raise InterchangeError(f"{path} keeps the data of {node.name} in other files: repack it with h5repack")
+        if isinstance(node, h5py.Group):
+            _refuse_links(node, path)

@@ -1,0 +1,62 @@
+"""Copying sessions from one dataset into another, by id."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from handsight.datasets.address import DEFAULT_REF
+from handsight.datasets.errors import SessionNotFoundError
+from handsight.datasets.exchange.sources import stored_sources
+from handsight.datasets.exchange.transfer import TransferReport, transfer
+from handsight.datasets.reading.reader import GraspDataset
+from handsight.datasets.store.repository import GraspRepository
+
+
+def merge(
+    source: GraspDataset,
+    target: GraspRepository,
+    *,
+    sessions: Sequence[str] | None = None,
+    branch: str = DEFAULT_REF,
+    allow_mismatch: bool = False,
+    dry_run: bool = False,
+    on_attempt: Callable[[], None] | None = None,
+) -> TransferReport:
+    """Copy sessions, with what curation decided about their attempts, into another dataset, in one commit.
+
+    Ids stay what they are, so attempts keep their names and merging twice changes nothing.
+
+    Args:
+        source: The version to copy from.
+        target: The dataset to copy to.
+        sessions: ULIDs of the sessions; None for all.
+        branch: The branch of the target that moves.
+        allow_mismatch: Take sessions recorded with other instruments than those the target knows.
+        dry_run: Check and report, and change nothing.
+        on_attempt: Called for every attempt copied.
+
+    Raises:
+        SessionNotFoundError: The source has no such session; the message lists all that are missing.
+        MergeError: Sessions do not fit the target; the message lists every fault.
+        CorruptDataError: An attempt of the source is damaged.
+    """
+    root = source.repository.root(source.snapshot_id)
+    available = {session.ulid: session for session in stored_sources(root)}
+    wanted = list(available) if sessions is None else list(dict.fromkeys(sessions))
+    missing = [ulid for ulid in wanted if ulid not in available]
+    if missing:
+        raise SessionNotFoundError(
+            f"{source.repository.path}@{source.ref} has no session {', '.join(missing)} ({len(available)} sessions): "
+            "see 'handsight dataset info'"
+        )
+    count = f"{len(wanted)} session{'' if len(wanted) == 1 else 's'}"
+    return transfer(
+        target,
+        [available[ulid] for ulid in wanted],
+        decisions=source.overlay.decisions,
+        branch=branch,
+        message=f"merge {count} of {source.repository.path}@{source.ref}",
+        allow_mismatch=allow_mismatch,
+        dry_run=dry_run,
+        on_attempt=on_attempt,
+    )

@@ -1,0 +1,129 @@
+"""Sessions as they come from anywhere: another dataset, a foreign file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import zarr
+from ulid import ULID
+
+from handsight.datasets.errors import InterchangeError
+from handsight.datasets.format.arrays import array_at, group_at, read_rows
+from handsight.datasets.format.header import canonical_json, config_digest
+from handsight.datasets.format.rows import from_row
+from handsight.datasets.format.schema import COLUMN_CHUNK_ROWS, SCHEMA_VERSION, SESSIONS, VIEWS, Slots, View, slots_of
+from handsight.datasets.format.sessions import session_from_attributes
+from handsight.datasets.format.upgrades import columns_of, current_attributes, empty_columns
+from handsight.datasets.format.validation import header_faults
+from handsight.datasets.records import GraspAttempt, SessionHeader, Snapshot
+
+BLOCK_FRAMES = 16
+"""Attempts whose pictures are in memory at a time, about 50 MB at 640x480."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SessionSource:
+    """One session to be transferred. What the attributes say has been checked, what the attempts hold has not."""
+
+    ulid: str
+    header: SessionHeader
+    attributes: dict[str, Any]
+    """Of the session's group, see ``sessions.py``."""
+    digests: tuple[bytes, ...]
+    """Recorded digest of every attempt, 32 bytes each; empty where the source has none."""
+    size: int
+    """Number of attempts."""
+    attempts: Callable[[], Iterator[GraspAttempt]]
+    """Reads the attempts, in the order of their numbers."""
+
+
+def checked_source(
+    ulid: str,
+    attributes: dict[str, Any],
+    *,
+    size: int,
+    attempts: Callable[[], Iterator[GraspAttempt]],
+    digests: tuple[bytes, ...] = (),
+) -> SessionSource:
+    """A source whose identity and attributes are sound.
+
+    Raises:
+        InterchangeError: They are not; the message lists every fault.
+    """
+    try:
+        if str(ULID.from_str(ulid)) != ulid:
+            raise ValueError("not in canonical form")
+        info = session_from_attributes(ulid, attributes, attempts=size)
+        faults = header_faults(info.header)
+        canonical_json(attributes)
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise InterchangeError(
+            f"session {ulid!r} was not written by handsight ({type(error).__name__}: {error}), "
+            "expected a ULID and the attributes of a session"
+        ) from error
+    if not faults and info.config_digest != config_digest(info.header):
+        faults.append("config_digest does not belong to the header: it was changed after it was recorded")
+    if info.status not in ("open", "sealed"):
+        faults.append(f"status is {info.status!r}, expected open or sealed")
+    if digests and len(digests) != size:
+        faults.append(f"there are {len(digests)} digests for {size} attempts")
+    if faults:
+        raise InterchangeError(f"session {ulid} cannot be imported: {'; '.join(faults)}")
+    return SessionSource(
+        ulid=ulid, header=info.header, attributes=attributes, digests=digests, size=size, attempts=attempts
+    )
+
+
+def stored_source(group: zarr.Group, ulid: str, schema: int) -> SessionSource:
+    """A session in a Zarr hierarchy of a schema, as today's schema has it.
+
+    Raises:
+        InterchangeError: The group is no session.
+        CorruptDataError: An array is damaged or missing.
+    """
+    size = array_at(group, "attempts/number").shape[0]
+    digests = read_rows(array_at(group, "attempts/digest"), 0, size)
+    source = checked_source(
+        ulid,
+        current_attributes(group.attrs.asdict(), schema),
+        size=size,
+        attempts=lambda: iter(()),
+        digests=tuple(digest.tobytes() for digest in digests),
+    )
+    return replace(source, attempts=partial(read_attempts, group, size, slots_of(source.header), schema))
+
+
+def stored_sources(root: zarr.Group, schema: int = SCHEMA_VERSION) -> list[SessionSource]:
+    """All sessions of a Zarr hierarchy of a schema, in the order in which they began."""
+    sessions = group_at(root, SESSIONS)
+    return [stored_source(group_at(sessions, ulid), ulid, schema) for ulid in sorted(sessions.group_keys())]
+
+
+def read_attempts(group: zarr.Group, size: int, slots: Slots, schema: int) -> Iterator[GraspAttempt]:
+    """The attempts of a session in the order of their numbers, a few frames in memory at a time.
+
+    Raises:
+        CorruptDataError: An array is damaged or missing.
+    """
+    columns = {column.name: array_at(group, f"attempts/{column.name}") for column in columns_of(schema)}
+    for start in range(0, size, COLUMN_CHUNK_ROWS):
+        stop = min(start + COLUMN_CHUNK_ROWS, size)
+        rows = {name: read_rows(array, start, stop) for name, array in columns.items()}
+        rows |= empty_columns(schema, stop - start, slots)
+        for first in range(start, stop, BLOCK_FRAMES):
+            last = min(first + BLOCK_FRAMES, stop)
+            frames = {view: _frames(group, view, first, last) for view in VIEWS}
+            for number in range(first, last):
+                row = {name: values[number - start] for name, values in rows.items()}
+                taken = dict(zip(VIEWS, row["picture_taken"], strict=True))
+                yield from_row(row, {view: frames[view][number - first] if taken[view] else None for view in VIEWS})
+
+
+def _frames(group: zarr.Group, view: View, start: int, stop: int) -> list[Snapshot]:
+    rgb, depth, poses = (
+        read_rows(array_at(group, f"{view}/{name}"), start, stop) for name in ("rgb", "depth", "pose_base_tool")
+    )
+    return [Snapshot(rgb=rgb[at], depth=depth[at], pose_base_tool=poses[at]) for at in range(len(rgb))]

@@ -1,0 +1,256 @@
+"""Sessions on their way into a dataset, from another dataset or from a foreign format: all of them or none.
+
+Whatever the source, its attempts pass the same checks as if a station had just performed them, and their digests are
+computed anew and compared with those the source recorded. Everything goes into one commit at the end, so a transfer
+that fails half-way shows in no version of the dataset.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import partial
+from itertools import islice
+from typing import Any
+
+import zarr
+
+from handsight.datasets.address import DEFAULT_REF
+from handsight.datasets.errors import CorruptDataError, MergeError, SessionConflictError
+from handsight.datasets.exchange.sources import BLOCK_FRAMES, SessionSource
+from handsight.datasets.format.arrays import array_at, group_at, layouts_of, read_rows, together
+from handsight.datasets.format.decisions import Action, Decision, append_decision, read_overlay
+from handsight.datasets.format.frames import FrameEncoder
+from handsight.datasets.format.schema import SESSIONS, attempt_id, create_arrays, packed_rows
+from handsight.datasets.format.sessions import read_sessions
+from handsight.datasets.records import StationCard
+from handsight.datasets.store.icechunk_engine import engine_errors
+from handsight.datasets.store.layout import check_current
+from handsight.datasets.store.repository import GraspRepository
+from handsight.datasets.writing.blocks import (
+    Columns,
+    LastChunks,
+    PreparedAttempt,
+    column_writes,
+    frame_writes,
+    prepare,
+    session_arrays,
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TransferReport:
+    """What a transfer did, or would do."""
+
+    sessions: tuple[str, ...]
+    """Sessions added."""
+    attempts: int
+    """Attempts added."""
+    duplicates: tuple[str, ...]
+    """Sessions left out because the dataset has all their attempts already."""
+    snapshot: str | None
+    """The new version; None where nothing was added, or for a dry run."""
+
+
+def transfer(
+    repository: GraspRepository,
+    sources: Sequence[SessionSource],
+    *,
+    decisions: Sequence[Decision] = (),
+    branch: str = DEFAULT_REF,
+    message: str,
+    allow_mismatch: bool = False,
+    dry_run: bool = False,
+    on_attempt: Callable[[], None] | None = None,
+) -> TransferReport:
+    """Add sessions to a branch, and what curation decided about them, in one commit.
+
+    Args:
+        repository: Where they go.
+        sources: The sessions; those whose attempts are all there already are left out and reported.
+        decisions: Curation of the source, oldest first; what concerns sessions that are added comes along.
+        branch: The branch that moves.
+        message: Of the commit.
+        allow_mismatch: Take sessions recorded with other instruments than those the dataset knows.
+        dry_run: Check and report, and change nothing. Attempts are read only when they are written.
+        on_attempt: Called for every attempt written.
+
+    Raises:
+        MergeError: A session contradicts what is there or was recorded with other instruments; lists every fault.
+        RecordError: An attempt cannot be recorded.
+        CorruptDataError: An attempt is damaged, or is not what its digest says.
+        RefNotFoundError: There is no such branch.
+        SchemaError: The branch has an older schema.
+        SessionConflictError: Another process has added one of the sessions meanwhile.
+    """
+    root = zarr.open_group(repository.writable(branch).store, mode="r")
+    check_current(repository.path, branch, root)
+    present = _digests_by_session(root)
+    new = [source for source in sources if not _is_duplicate(source, present)]
+    faults = _contradictions(new, present)
+    if not allow_mismatch:
+        faults += _mismatches(new, [session.header.station for session in read_sessions(root)])
+    if faults:
+        raise MergeError(f"nothing was added to {repository.path}: {'; '.join(faults)}")
+    snapshot = None
+    if new and not dry_run:
+        snapshot = _write(repository, new, decisions, branch=branch, message=message, on_attempt=on_attempt)
+    return TransferReport(
+        sessions=tuple(source.ulid for source in new),
+        attempts=sum(source.size for source in new),
+        duplicates=tuple(source.ulid for source in sources if source not in new),
+        snapshot=snapshot,
+    )
+
+
+def _digests_by_session(root: zarr.Group) -> dict[str, list[bytes]]:
+    sessions = group_at(root, SESSIONS)
+    digests = {}
+    for ulid in sorted(sessions.group_keys()):
+        array = array_at(sessions, f"{ulid}/attempts/digest")
+        digests[ulid] = [row.tobytes() for row in read_rows(array, 0, array.shape[0])]
+    return digests
+
+
+def _is_duplicate(source: SessionSource, present: dict[str, list[bytes]]) -> bool:
+    """Whether every attempt of the source is there already, in the session of its name or in others."""
+    if source.ulid in present:
+        return bool(source.digests) and present[source.ulid][: source.size] == list(source.digests)
+    return bool(source.digests) and set(source.digests) <= {digest for one in present.values() for digest in one}
+
+
+def _contradictions(sources: Sequence[SessionSource], present: dict[str, list[bytes]]) -> list[str]:
+    """What cannot stand beside what is there: other content under a known name, known content under another name."""
+    faults = []
+    known = {digest: ulid for ulid, digests in present.items() for digest in digests}
+    seen: set[str] = set()
+    for source in sources:
+        if source.ulid in seen:
+            faults.append(f"session {source.ulid} comes twice")
+        seen.add(source.ulid)
+        if source.ulid in present:
+            count = len(present[source.ulid])
+            faults.append(f"session {source.ulid} is there with {count} attempts and other content than the source's")
+            continue
+        shared = [digest for digest in source.digests if digest in known]
+        if shared:
+            faults.append(
+                f"{len(shared)} of the {source.size} attempts of session {source.ulid} are there already, in session "
+                f"{known[shared[0]]}: sessions are taken whole or not at all"
+            )
+    return faults
+
+
+def _mismatches(sources: Sequence[SessionSource], known: Sequence[StationCard]) -> list[str]:
+    """Instruments of sources that agree with no session that is there."""
+    cards = [instruments(station) for station in known]
+    faults = []
+    for source in sources:
+        card = instruments(source.header.station)
+        if cards and card not in cards:
+            reference = cards[-1]
+            faults += [
+                f"session {source.ulid} has {name} {card[name]}, the dataset {reference[name]}"
+                for name in card
+                if card[name] != reference[name]
+            ]
+    if faults:
+        faults.append("allow mismatches if attempts of both are to be learnt from together")
+    return faults
+
+
+def instruments(station: StationCard) -> dict[str, Any]:
+    """What must agree for attempts to be comparable: camera, mount, depth scale, gripper, pre-grasp height."""
+    card = {**asdict(station.camera.intrinsics), **asdict(station.camera)}
+    del card["intrinsics"]
+    fields = ("depth_scale_m", "gripper_stroke_m", "closed_width_m", "pregrasp_height_m")
+    return {**card, **{name: getattr(station, name) for name in fields}}
+
+
+def _write(
+    repository: GraspRepository,
+    sources: Sequence[SessionSource],
+    decisions: Sequence[Decision],
+    *,
+    branch: str,
+    message: str,
+    on_attempt: Callable[[], None] | None,
+) -> str:
+    change = repository.writable(branch)
+    with engine_errors(f"cannot write to {repository.path}"):
+        root = zarr.open_group(change.store, mode="r+")
+        sessions = group_at(root, SESSIONS)
+        for source in sources:
+            group = sessions.create_group(source.ulid, attributes=source.attributes)
+            _write_session(group, source, on_attempt)
+        names = frozenset(source.ulid for source in sources)
+        for decision in transplanted(decisions, names, first=len(read_overlay(root).decisions)):
+            append_decision(root, decision)
+    return repository.commit(
+        change,
+        branch=branch,
+        message=message,
+        metadata={"attempts_added": sum(source.size for source in sources), "sessions": sorted(names)},
+        check=partial(_refuse_present, names),
+    )
+
+
+def _write_session(group: zarr.Group, source: SessionSource, on_attempt: Callable[[], None] | None) -> None:
+    column_rows = packed_rows(source.attributes["status"], source.size)
+    create_arrays(group, source.header, column_rows=column_rows)
+    arrays = session_arrays(group)
+    encoder = FrameEncoder(layouts_of(arrays))
+    attempts = _prepared(source)
+    rows: list[Columns] = []
+    stored = 0
+    last_chunks: LastChunks = {}
+    while block := list(islice(attempts, BLOCK_FRAMES)):
+        frames = [encoder.encode(one.snapshots) for one in block]
+        together(frame_writes(arrays, frames, stored=stored + len(rows)))
+        rows += [one.columns for one in block]
+        # Columns in whole chunks: a chunk that is written twice leaves its first version behind as garbage.
+        if len(rows) == column_rows or len(block) < BLOCK_FRAMES:
+            writes, last_chunks = column_writes(arrays, rows, stored=stored, last_chunks=last_chunks)
+            together(writes)
+            stored += len(rows)
+            rows = []
+        if on_attempt is not None:
+            for _ in block:
+                on_attempt()
+    if rows:
+        writes, _ = column_writes(arrays, rows, stored=stored, last_chunks=last_chunks)
+        together(writes)
+        stored += len(rows)
+    if stored != source.size:
+        raise CorruptDataError(f"session {source.ulid} ends after {stored} attempts, expected {source.size}")
+
+
+def _prepared(source: SessionSource) -> Iterator[PreparedAttempt]:
+    for number, attempt in enumerate(islice(source.attempts(), source.size)):
+        prepared = prepare(attempt, source.header, session=source.ulid, number=number)
+        if source.digests and prepared.columns["attempts/digest"].tobytes() != source.digests[number]:
+            raise CorruptDataError(
+                f"attempt {attempt_id(source.ulid, number)} is not what its recorded digest says: the source was "
+                "changed or damaged; take an undamaged copy"
+            )
+        yield prepared
+
+
+def transplanted(decisions: Sequence[Decision], sessions: frozenset[str], *, first: int) -> list[Decision]:
+    """Decisions about attempts of some sessions, numbered from ``first`` on; undoings follow what they undo."""
+    numbers: dict[int | None, int] = {}
+    kept: list[Decision] = []
+    for decision in decisions:
+        attempts = tuple(one for one in decision.attempts if one.partition("-")[0] in sessions)
+        undoes_kept = decision.action is Action.UNDO and decision.value in numbers
+        if attempts or undoes_kept:
+            numbers[decision.number] = first + len(kept)
+            value = numbers[decision.value] if undoes_kept else decision.value
+            kept.append(replace(decision, number=first + len(kept), value=value, attempts=attempts))
+    return kept
+
+
+def _refuse_present(sessions: frozenset[str], root: zarr.Group) -> None:
+    present = sorted(sessions & set(group_at(root, SESSIONS).group_keys()))
+    if present:
+        raise SessionConflictError(f"another process has added session {', '.join(present)} meanwhile: nothing changed")

@@ -1,0 +1,56 @@
+"""What a newer schema gives to the sessions of an older one, wherever they are kept.
+
+Columns that a schema added hold nothing in older attempts, and what holds nothing does not enter a digest, so attempts
+keep theirs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from handsight.datasets.format.schema import COLUMNS, SCHEMA_VERSION, Column, Slots
+from handsight.datasets.format.sessions import attributes_with_header
+
+
+def current_attributes(attributes: dict[str, Any], schema: int) -> dict[str, Any]:
+    """The attributes of a session's group as today's schema has them, from those of an older schema.
+
+    Raises:
+        CorruptDataError: They are damaged, and would be vouched for by a new digest.
+    """
+    for version in range(schema, SCHEMA_VERSION):
+        attributes = _STEPS[version](attributes)
+    return attributes
+
+
+def columns_of(schema: int) -> tuple[Column, ...]:
+    """The columns that a schema has."""
+    return tuple(column for column in COLUMNS if column.since <= schema)
+
+
+def columns_since(schema: int) -> tuple[Column, ...]:
+    """The columns that came after a schema."""
+    return tuple(column for column in COLUMNS if column.since > schema)
+
+
+def empty_columns(schema: int, rows: int, slots: Slots) -> dict[str, NDArray[Any]]:
+    """What the columns that came after a schema hold for attempts of that schema, by name."""
+    return {
+        column.name: np.full((rows, *column.shape(slots)), column.fill, column.dtype)
+        for column in columns_since(schema)
+    }
+
+
+def _with_conditions(attributes: dict[str, Any]) -> dict[str, Any]:
+    """1 to 2: stations name the conditions they vary."""
+    header = dict(attributes["header"])
+    header["station"] = {**header["station"], "conditions": []}
+    return attributes_with_header(attributes, header)
+
+
+_STEPS: dict[int, Callable[[dict[str, Any]], dict[str, Any]]] = {1: _with_conditions}
+"""What brings a session from a schema to the next."""

@@ -1,0 +1,160 @@
+"""From raw pictures to network inputs: warped once, kept in a memory-mapped cache.
+
+A dataset stores what the camera saw. What the network reads is derived from it: the picture of one view, warped to the
+pre-grasp pose at which the fixed grasp policy started (section III-B). The cache is keyed by snapshot and transform, so
+it can be deleted at any time and never goes stale: curation and folds are part of the snapshot.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import tempfile
+from collections import deque
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import torch
+from numpy.typing import NDArray
+
+from handsight.datasets.errors import NoTrainingDataError
+from handsight.datasets.format import schema
+from handsight.datasets.reading.reader import GraspDataset
+from handsight.datasets.records import Snapshot, StationCard
+from handsight.datasets.views import station_view
+from handsight.servoing.homography import InputGrid, predict_inputs
+from handsight.servoing.planar import PlanarPose
+from handsight.servoing.view import PreparedView
+
+CACHE_VERSION = 1
+"""Counts changes of the warp that change the inputs' values."""
+
+_PICTURES_AHEAD = 32
+"""Pictures read before the input made of the first of them is taken."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GraspInputs:
+    """Network inputs and labels of one version of a dataset."""
+
+    inputs: NDArray[np.float16]
+    """Red, green, blue in [0, 1] and height below the plane [m]; memory-mapped. Shape (N, 4, size, size)."""
+    attempts: pd.DataFrame
+    """The rows of the attempts table they belong to, in the same order."""
+
+    @property
+    def file(self) -> Path | None:
+        """The file that the inputs are mapped from; None where they are in memory."""
+        return Path(str(self.inputs.filename)) if isinstance(self.inputs, np.memmap) else None
+
+    @property
+    def labels(self) -> NDArray[np.float32]:
+        """1 where the grasp succeeded. Shape (N,)."""
+        return self.attempts["success"].to_numpy(dtype=np.float32)
+
+
+def materialize(
+    dataset: GraspDataset,
+    *,
+    view: schema.View = "pregrasp",
+    grid: InputGrid | None = None,
+    on_attempt: Callable[[], None] | None = None,
+) -> GraspInputs:
+    """Inputs of all labelled attempts that are not excluded, from the cache or made now.
+
+    Args:
+        dataset: The version to read.
+        view: Which picture to warp to the pre-grasp pose: ``pregrasp`` was taken there, ``overhead`` before.
+        grid: Crop and size of the inputs.
+        on_attempt: Called for every input made, not for those found in the cache.
+
+    Raises:
+        NoTrainingDataError: No attempt of this version has a label and the picture asked for.
+        CorruptDataError: A picture is damaged; the message names the attempt.
+    """
+    grid = grid or InputGrid()
+    rows = usable_attempts(dataset, view)
+    path = _cache_path(dataset, view, grid)
+    if not path.exists():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        _write(path, dataset, rows, view, grid, on_attempt)
+    return GraspInputs(inputs=np.load(path, mmap_mode="r"), attempts=rows)
+
+
+def usable_attempts(dataset: GraspDataset, view: schema.View) -> pd.DataFrame:
+    """The rows of the attempts table that inputs can be made of, without making any.
+
+    Raises:
+        NoTrainingDataError: No attempt of this version has a label and the picture asked for.
+    """
+    rows = dataset.attempts
+    rows = rows[rows["success"].notna() & ~rows["excluded"] & rows[f"{view}_taken"]]
+    if rows.empty:
+        raise NoTrainingDataError(
+            f"{dataset.repository.path}@{dataset.ref} has no labelled attempt with a {view} picture that is not "
+            "excluded, expected some: collect more with 'handsight collect sim', or restore some"
+        )
+    return rows
+
+
+def _cache_path(dataset: GraspDataset, view: schema.View, grid: InputGrid) -> Path:
+    key = {"snapshot": dataset.snapshot_id, "view": view, "grid": asdict(grid), "version": CACHE_VERSION}
+    digest = hashlib.sha256(json.dumps(key, sort_keys=True).encode()).hexdigest()
+    return dataset.repository.side_folder / "inputs" / f"{digest[:32]}.npy"
+
+
+def _write(
+    path: Path,
+    dataset: GraspDataset,
+    rows: pd.DataFrame,
+    view: schema.View,
+    grid: InputGrid,
+    on_attempt: Callable[[], None] | None,
+) -> None:
+    """Fill a temporary file and rename it: a cache file is whole or absent, whoever else writes the same."""
+    handle, name = tempfile.mkstemp(suffix=".npy", prefix=".unfinished-", dir=path.parent)
+    os.close(handle)
+    try:
+        shape = (len(rows), 4, grid.size_px, grid.size_px)
+        inputs = np.lib.format.open_memmap(name, mode="w+", dtype=np.float16, shape=shape)
+        for row, made in enumerate(_warped(dataset, rows, view, grid)):
+            inputs[row] = made
+            if on_attempt is not None:
+                on_attempt()
+        inputs.flush()
+        Path(name).rename(path)
+    finally:
+        Path(name).unlink(missing_ok=True)
+
+
+def _warped(
+    dataset: GraspDataset, rows: pd.DataFrame, view: schema.View, grid: InputGrid
+) -> Iterator[NDArray[np.float32]]:
+    """The inputs in the order of the rows. One thread reads, the others warp; a few pictures are in memory."""
+    poses = zip(rows["pregrasp_x_m"], rows["pregrasp_y_m"], rows["pregrasp_angle_rad"], strict=True)
+    pictures = dataset.snapshots(view, rows.index)
+    waiting: deque[Future[NDArray[np.float32]]] = deque()
+    # Threads, not processes: decoding and warping release the interpreter, and Icechunk must not be forked.
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        for (attempt, snapshot), (x_m, y_m, angle_rad) in zip(pictures, poses, strict=True):
+            goal = PlanarPose(x_m=x_m, y_m=y_m, angle_rad=angle_rad)
+            waiting.append(pool.submit(grasp_input, snapshot, dataset.station(attempt), goal, grid))
+            if len(waiting) == _PICTURES_AHEAD:
+                yield waiting.popleft().result()
+        yield from (one.result() for one in waiting)
+
+
+def grasp_input(snapshot: Snapshot, station: StationCard, goal: PlanarPose, grid: InputGrid) -> NDArray[np.float32]:
+    """The network input for a grasp at ``goal``, predicted from a picture taken elsewhere. Shape (4, size, size)."""
+    taken_at = PlanarPose.from_pose_base_tool(snapshot.pose_base_tool)
+    step = taken_at.step_to(goal)
+    prepared = PreparedView.from_view(station_view(snapshot, station), pixels_per_cell=grid.pixels_per_cell)
+    steps = torch.tensor([[step.dx_m, step.dy_m, step.dangle_rad]], dtype=torch.float32)
+    drop_m = float(snapshot.pose_base_tool[2, 3]) - station.pregrasp_height_m
+    inputs = predict_inputs(prepared, steps, grid=grid, view_plane_m=prepared.plane_m - drop_m)
+    return inputs[0].numpy()

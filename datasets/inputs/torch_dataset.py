@@ -1,0 +1,64 @@
+"""Network inputs for people with a training loop of their own: a plain ``torch.utils.data.Dataset``.
+
+It touches nothing but the memory-mapped cache, never Icechunk, so it works in workers of a ``DataLoader`` started by
+fork and by spawn alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+from torch.utils.data import Dataset
+
+from handsight.datasets.errors import CorruptDataError
+from handsight.datasets.inputs.materialize import GraspInputs
+
+Batch = tuple[Tensor, Tensor]
+"""Inputs (B, 4, size, size), float16, and labels (B,), float32; without B for a single index."""
+
+
+class TorchGrasps(Dataset[Batch]):
+    """Inputs and labels by position in ``GraspInputs.attempts``.
+
+    An integer gives one sample, so that ``DataLoader(dataset, batch_size=…)`` works. A sequence of integers gives a
+    batch in one gather, many times as fast: it is what ``DataLoader(dataset, sampler=…, batch_size=None)`` asks for
+    with a sampler that yields lists.
+    """
+
+    def __init__(self, data: GraspInputs) -> None:
+        self._labels = torch.from_numpy(data.labels)
+        self._inputs: NDArray[np.float16] = data.inputs
+        self._file = data.file
+
+    def __len__(self) -> int:
+        return len(self._labels)
+
+    def __getitem__(self, index: int | Sequence[int] | NDArray[np.int64]) -> Batch:
+        # NumPy gathers several times as fast as torch, which does not ask for huge pages.
+        positions = np.atleast_1d(np.asarray(index, dtype=np.int64))
+        inputs = torch.from_numpy(np.asarray(self._inputs[positions]))
+        labels = self._labels[torch.from_numpy(positions)]
+        return (inputs[0], labels[0]) if np.ndim(index) == 0 else (inputs, labels)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What a spawned worker gets: the name of the mapped file, not its content."""
+        return {"labels": self._labels, "file": self._file, "inputs": None if self._file else self._inputs}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Map the file again.
+
+        Raises:
+            CorruptDataError: It holds another number of inputs than there are labels.
+        """
+        self._labels, self._file = state["labels"], state["file"]
+        self._inputs = state["inputs"] if state["file"] is None else np.load(state["file"], mmap_mode="r")
+        if len(self._inputs) != len(self._labels):
+            raise CorruptDataError(
+                f"{state['file']} holds {len(self._inputs)} inputs, expected {len(self._labels)}: pickle a dataset "
+                "that was made from all inputs of a version, and choose rows with a sampler"
+            )

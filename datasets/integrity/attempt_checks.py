@@ -1,0 +1,164 @@
+"""Stored attempts read back, hashed again and compared with the digests that were recorded with them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import zarr
+from numpy.typing import NDArray
+
+from handsight.datasets.errors import CorruptDataError
+from handsight.datasets.format.arrays import Arrays, group_at, read_rows
+from handsight.datasets.format.digest import attempt_digest
+from handsight.datasets.format.rows import Row, from_row
+from handsight.datasets.format.schema import COLUMNS, SESSIONS, VIEWS, View, attempt_id
+from handsight.datasets.format.sessions import SessionInfo
+from handsight.datasets.reading.reader import GraspDataset
+from handsight.datasets.records import Snapshot
+from handsight.datasets.writing.blocks import chunk_start, column_paths, session_arrays
+
+_BLOCK_FRAMES = 8
+"""Frames decoded together; about 25 MB for two views at 640x480."""
+
+
+class Stretch(NamedTuple):
+    """Neighbouring attempts of a session."""
+
+    session: str
+    start: int
+    stop: int
+    """The number after the last."""
+
+    def cut(self, size: int) -> list[Stretch]:
+        """The same in pieces of so many attempts; the last may have fewer."""
+        starts = range(self.start, self.stop, size)
+        return [self._replace(start=start, stop=min(start + size, self.stop)) for start in starts]
+
+    def ids(self) -> list[str]:
+        """The attempts by id."""
+        return [attempt_id(self.session, number) for number in range(self.start, self.stop)]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Checked:
+    """What was found of some attempts."""
+
+    attempts: int
+    bytes: int
+    """Of pictures and columns that were hashed, uncompressed."""
+    faults: dict[str, str]
+    """Why an attempt is corrupt, by its id."""
+
+    @classmethod
+    def together(cls, parts: Iterable[Checked]) -> Checked:
+        """What was found of all of them."""
+        known = list(parts)
+        return cls(
+            attempts=sum(part.attempts for part in known),
+            bytes=sum(part.bytes for part in known),
+            faults={attempt: fault for part in known for attempt, fault in part.faults.items()},
+        )
+
+
+class AttemptChecker:
+    """Checks attempts of one version. Stretches are best given in order: columns are kept until others are needed."""
+
+    def __init__(self, dataset: GraspDataset) -> None:
+        self._root = dataset.repository.root(dataset.snapshot_id)
+        self._sessions = {session.ulid: session for session in dataset.sessions}
+        self._arrays: dict[str, Arrays] = {}
+        self._columns = _ColumnChunk(session="", first=0, values={})
+
+    def check(self, stretch: Stretch) -> Checked:
+        """Read every byte of some attempts, which lie in one chunk of the columns."""
+        try:
+            self._read_columns(stretch)
+        except CorruptDataError as error:
+            return _corrupt(stretch, error)
+        return Checked.together(map(self._check_block, stretch.cut(_BLOCK_FRAMES)))
+
+    def _read_columns(self, stretch: Stretch) -> None:
+        if stretch.session not in self._arrays:
+            self._arrays[stretch.session] = session_arrays(group_at(self._root, f"{SESSIONS}/{stretch.session}"))
+        arrays = self._arrays[stretch.session]
+        size = arrays["attempts/number"].chunks[0]
+        first = chunk_start(stretch.start, size)
+        if (self._columns.session, self._columns.first) != (stretch.session, first) or not self._columns.values:
+            last = min(first + size, self._sessions[stretch.session].attempts)
+            values = {path: _read_whole(arrays[path], first, last) for path in column_paths()}
+            self._columns = _ColumnChunk(session=stretch.session, first=first, values=values)
+
+    def _check_block(self, block: Stretch) -> Checked:
+        """Attempts whose pictures are decoded together; one by one where that fails."""
+        try:
+            pictures = {view: self._pictures(block, view) for view in VIEWS}
+        except CorruptDataError as error:
+            pieces = block.cut(1)
+            return Checked.together(map(self._check_block, pieces)) if len(pieces) > 1 else _corrupt(block, error)
+        numbers = range(block.start, block.stop)
+        return Checked.together(
+            self._check_attempt(block.session, number, {view: pictures[view][number - block.start] for view in VIEWS})
+            for number in numbers
+        )
+
+    def _pictures(self, block: Stretch, view: View) -> list[Snapshot]:
+        arrays = self._arrays[block.session]
+        rgb, depth = (_read_whole(arrays[f"{view}/{name}"], block.start, block.stop) for name in ("rgb", "depth"))
+        poses = self._columns.rows(f"{view}/pose_base_tool", block.start, block.stop)
+        frames = zip(rgb, depth, poses, strict=True)
+        return [Snapshot(rgb=colours, depth=raw, pose_base_tool=pose) for colours, raw, pose in frames]
+
+    def _check_attempt(self, ulid: str, number: int, pictures: Mapping[View, Snapshot]) -> Checked:
+        row = {column.name: self._columns.rows(f"attempts/{column.name}", number, number + 1)[0] for column in COLUMNS}
+        taken = dict(zip(VIEWS, row["picture_taken"], strict=True))
+        snapshots = {view: pictures[view] if taken[view] else None for view in VIEWS}
+        fault = _fault(self._sessions[ulid], number, row, snapshots)
+        size = sum(values.nbytes for values in row.values())
+        size += sum(one.rgb.nbytes + one.depth.nbytes for one in snapshots.values() if one is not None)
+        return Checked(attempts=1, bytes=size, faults={attempt_id(ulid, number): fault} if fault else {})
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _ColumnChunk:
+    """One chunk of every column of a session."""
+
+    session: str
+    first: int
+    """Number of the attempt in its first row."""
+    values: dict[str, NDArray[Any]]
+    """By path in the session's group."""
+
+    def rows(self, path: str, start: int, stop: int) -> NDArray[Any]:
+        return self.values[path][start - self.first : stop - self.first]
+
+
+def _corrupt(stretch: Stretch, error: CorruptDataError) -> Checked:
+    faults = dict.fromkeys(stretch.ids(), str(error))
+    return Checked(attempts=len(faults), bytes=0, faults=faults)
+
+
+def _read_whole(array: zarr.Array[Any], start: int, stop: int) -> NDArray[Any]:
+    """Rows of an array, all of those asked for.
+
+    Raises:
+        CorruptDataError: They are damaged, or the array ends before.
+    """
+    rows = read_rows(array, start, stop)
+    if len(rows) != stop - start:
+        raise CorruptDataError(f"{array.path} ends at row {array.shape[0]}, expected at least {stop}")
+    return rows
+
+
+def _fault(session: SessionInfo, number: int, row: Row, snapshots: Mapping[View, Snapshot | None]) -> str | None:
+    if int(row["number"]) != number:
+        return f"row {number} holds the number {int(row['number'])}"
+    try:
+        found = attempt_digest(from_row(row, snapshots), session.header.station)
+    except (ValueError, IndexError) as error:
+        return f"its values make no attempt: {error}"
+    recorded = row["digest"].tobytes()
+    if found != recorded:
+        return f"its content has digest {found.hex()[:16]}…, recorded was {recorded.hex()[:16]}…"
+    return None

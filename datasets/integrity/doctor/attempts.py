@@ -1,0 +1,132 @@
+"""GD-2xx: whether what was recorded of an attempt can be true. Reads no pictures."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+import pandas as pd
+
+from handsight.datasets.format.arrays import array_at, read_rows
+from handsight.datasets.format.schema import SESSIONS
+from handsight.datasets.format.sessions import SessionInfo
+from handsight.datasets.integrity.doctor.findings import Finding, about
+from handsight.datasets.reading.reader import GraspDataset
+from handsight.datasets.records import PHASES
+
+_WIDTHS = ["width_before_m", "width_closed_m", "width_lifted_m", "width_final_m"]
+_POSE = ["pregrasp_x_m", "pregrasp_y_m", "pregrasp_angle_rad"]
+_WIDTH_TOLERANCE_M = 2e-3
+"""How far a gripper's reading may lie outside its stroke."""
+
+_TRUTH_DISAGREEMENT = 0.01
+"""Share of labels that may differ from the simulator's truth."""
+
+_TIMING_SLACK_S = 1.0
+
+
+def attempt_findings(dataset: GraspDataset) -> Iterator[Finding]:
+    """Values, gripper, grasp pose, timing and label of every attempt that is not excluded."""
+    rows = dataset.attempts[~dataset.attempts["excluded"]]
+    yield from _value_findings(rows)
+    for session in dataset.sessions:
+        own = rows[rows["session"] == session.ulid]
+        yield from _gripper_findings(session, own)
+        yield from _crop_findings(dataset, session, own)
+        yield from _clock_findings(session, own)
+    yield from _truth_findings(rows)
+
+
+def _value_findings(rows: pd.DataFrame) -> Iterator[Finding]:
+    labelled = rows[rows["recorded_success"].notna()]
+    missing = ~np.isfinite(labelled[[*_POSE, "width_final_m"]].to_numpy()).all(axis=1)
+    infinite = np.isinf(rows.select_dtypes("float64").to_numpy()).any(axis=1)
+    yield from about(
+        "GD-201",
+        "error",
+        sorted({*labelled.index[missing], *rows.index[infinite]}),
+        "{n} attempts lack a finite grasp pose or final opening, or hold an infinite value",
+    )
+    yield from about(
+        "GD-204",
+        "warning",
+        rows.index[rows["pregrasp_angle_rad"].abs() > math.pi + 1e-9],
+        "{n} attempts have a grasp angle beyond ±π rad: degrees, or an angle that was never wrapped",
+    )
+    phases = rows[[f"{name}_s" for name in PHASES]]
+    yield from about(
+        "GD-205",
+        "warning",
+        rows.index[(phases < 0).any(axis=1) | (rows["elapsed_s"] < 0)],
+        "{n} attempts have a phase or a total of negative duration",
+    )
+
+
+def _gripper_findings(session: SessionInfo, rows: pd.DataFrame) -> Iterator[Finding]:
+    station = session.header.station
+    widths = rows[_WIDTHS]
+    outside = (widths < -_WIDTH_TOLERANCE_M) | (widths > station.gripper_stroke_m + _WIDTH_TOLERANCE_M)
+    yield from about(
+        "GD-202",
+        "error",
+        rows.index[outside.any(axis=1)],
+        f"{{n}} attempts have a gripper opening outside 0 to {station.gripper_stroke_m} m: wrong unit or sensor",
+    )
+    labelled = rows[rows["recorded_success"].notna() & rows["width_final_m"].notna()]
+    held = labelled["width_final_m"] > station.closed_width_m
+    yield from about(
+        "GD-206",
+        "error",
+        labelled.index[held.to_numpy() != labelled["recorded_success"].to_numpy(dtype=bool)],
+        f"{{n}} attempts are labelled against their final opening (closed at or below {station.closed_width_m} m)",
+    )
+
+
+def _crop_findings(dataset: GraspDataset, session: SessionInfo, rows: pd.DataFrame) -> Iterator[Finding]:
+    """Where the grasp point on the table appears in the overhead picture."""
+    rows = rows[rows["overhead_taken"] & rows["recorded_success"].notna()]
+    root = dataset.repository.root(dataset.snapshot_id)
+    array = array_at(root, f"{SESSIONS}/{session.ulid}/overhead/pose_base_tool")
+    poses = read_rows(array, 0, array.shape[0])[rows["number"].to_numpy()]  # (N, 4, 4)
+    camera = session.header.station.camera
+    points = np.stack([rows["pregrasp_x_m"], rows["pregrasp_y_m"], np.zeros(len(rows))], axis=1)  # (N, 3), base
+    in_tool = np.einsum("nij,ni->nj", poses[:, :3, :3], points - poses[:, :3, 3])
+    in_camera = in_tool - (camera.x_tool_camera_m, camera.y_tool_camera_m, camera.z_tool_camera_m)
+    lens = camera.intrinsics
+    depth = np.where(in_camera[:, 2] > 0, in_camera[:, 2], np.nan)
+    u = lens.fx * in_camera[:, 0] / depth + lens.cx
+    v = lens.fy * in_camera[:, 1] / depth + lens.cy
+    inside = (u >= 0) & (u <= lens.width - 1) & (v >= 0) & (v <= lens.height - 1)
+    yield from about(
+        "GD-203",
+        "note",
+        rows.index[~inside],
+        "{n} attempts have their grasp outside the overhead picture: half of their input or more is replicated edge",
+    )
+
+
+def _clock_findings(session: SessionInfo, rows: pd.DataFrame) -> Iterator[Finding]:
+    """Attempts of a rig follow one another; those of a simulation may be performed by several workers."""
+    if session.header.seed is not None:
+        return
+    started = rows["started"]
+    ended = started + pd.to_timedelta(rows["elapsed_s"] - _TIMING_SLACK_S, unit="s")
+    phases = rows[[f"{name}_s" for name in PHASES]].sum(axis=1)
+    early = (started < ended.shift()) | (phases > rows["elapsed_s"] + _TIMING_SLACK_S)
+    yield from about(
+        "GD-205",
+        "warning",
+        rows.index[early],
+        "{n} attempts began before the one before them had ended, or took less time than their phases",
+    )
+
+
+def _truth_findings(rows: pd.DataFrame) -> Iterator[Finding]:
+    known = rows[rows["success"].notna() & rows["truth_held"].notna()]
+    wrong = known.index[(known["success"] != known["truth_held"]).astype(bool)]
+    if len(wrong) > _TRUTH_DISAGREEMENT * len(known):
+        share = len(wrong) / len(known)
+        yield from about(
+            "GD-207", "warning", wrong, f"{{n}} labels ({share:.1%}) are not what the simulator knows to be true"
+        )

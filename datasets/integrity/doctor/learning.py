@@ -1,0 +1,62 @@
+"""GD-4xx and GD-5xx: whether the labels can be learned from and trusted."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from handsight.datasets.curation.folds import Folds, fold_faults
+from handsight.datasets.format.digest import attempt_digest
+from handsight.datasets.format.schema import parse_attempt_id
+from handsight.datasets.integrity.doctor.findings import Finding, about, whole
+from handsight.datasets.integrity.repair import ResimulateAttempt
+from handsight.datasets.reading.reader import GraspDataset
+from handsight.datasets.records import Outcome
+
+_RAREST = 0.05
+_FEWEST = 50
+"""Balance is not judged on fewer labelled attempts."""
+
+
+def balance_findings(dataset: GraspDataset) -> Iterator[Finding]:
+    """Whether both labels occur often enough."""
+    labels = dataset.attempts["success"][~dataset.attempts["excluded"]].dropna()
+    share = float(labels.mean()) if len(labels) else 0.5
+    if len(labels) >= _FEWEST and not _RAREST <= share <= 1 - _RAREST:
+        message = f"{share:.1%} of {len(labels)} labelled attempts succeed, expected {_RAREST:.0%} to {1 - _RAREST:.0%}"
+        yield whole("GD-401", "warning", message)
+
+
+def fold_findings(dataset: GraspDataset, folds: list[Folds]) -> Iterator[Finding]:
+    """Whether the stored folds still divide this version without leaks."""
+    for division in folds:
+        for fault in fold_faults(dataset, division):
+            yield whole("GD-402", "error", f"folds {division.name!r}: {fault}")
+
+
+def resimulation_findings(
+    dataset: GraspDataset, resimulate: ResimulateAttempt, count: int, generator: np.random.Generator
+) -> Iterator[Finding]:
+    """Perform some labelled attempts of simulated sessions again and compare how they end, and every recorded bit."""
+    table = dataset.attempts
+    rows = table[table["seed"].notna() & table["recorded_success"].notna() & ~table["excluded"]]
+    chosen = rows.index[np.sort(generator.permutation(len(rows))[:count])]
+    wrong, different, not_possible, alike = [], [], [], []
+    for attempt in chosen:
+        _, number = parse_attempt_id(attempt)
+        header = dataset.session(attempt).header
+        again = resimulate(header, number)
+        if again is None:
+            not_possible.append(attempt)
+        elif again.outcome != Outcome[table.loc[attempt, "outcome"].upper()]:
+            wrong.append(attempt)
+        elif attempt_digest(again, header.station).hex() != table.loc[attempt, "digest"]:
+            different.append(attempt)
+        else:
+            alike.append(attempt)
+    of = f"{{n}} of {len(chosen)} attempts"
+    yield from about("GD-501", "error", wrong, f"{of} end otherwise when simulated again: other code, assets or seeds")
+    yield from about("GD-502", "warning", different, f"{of} end alike when simulated again, but their bytes differ")
+    yield from about("GD-503", "note", not_possible, f"{of} cannot be simulated again here")
+    yield from about("GD-504", "note", alike, f"{of} are the same in every recorded bit when simulated again")

@@ -1,0 +1,130 @@
+"""GD-30x: whether pictures show something, at a plausible distance. One pass over all of them."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from handsight.datasets.errors import CorruptDataError
+from handsight.datasets.format.schema import VIEWS
+from handsight.datasets.integrity.doctor.findings import Finding, Severity, about, whole
+from handsight.datasets.integrity.doctor.near_duplicates import picture_hash
+from handsight.datasets.reading.reader import GraspDataset
+from handsight.datasets.records import Snapshot
+
+_BLANK_DEVIATION = 1.0
+"""Standard deviation of the grey levels below which a picture shows nothing."""
+
+_MOST_HOLES = 0.4
+"""Share of invalid depth above which a picture is suspicious; stereo cameras lose up to a third at the borders."""
+
+_DEPTH_RATIO = (0.4, 1.5)
+"""Median depth against the height of the camera above the table; objects are nearer, slanted views farther."""
+
+_STEP = 4
+"""Every so many pixels of a row and of a column are looked at."""
+
+_COLUMNS = ["attempt", "session", "view", "digest", "deviation", "holes", "depth_ratio"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PictureFacts:
+    """What the checks need of all pictures, in the order of the attempts."""
+
+    table: pd.DataFrame
+    """One row for each picture: attempt, session, view, digest of its colours, deviation of its grey levels, share of
+    holes, median depth against the camera's height."""
+    hashes: dict[str, int]
+    """Perceptual hash of each overhead picture by attempt."""
+
+
+def picture_facts(dataset: GraspDataset, on_picture: Callable[[], None] | None = None) -> PictureFacts:
+    """Look at every picture of the attempts that are not excluded.
+
+    Raises:
+        CorruptDataError: A picture is damaged.
+    """
+    rows = []
+    hashes = {}
+    kept = dataset.attempts[~dataset.attempts["excluded"]]
+    for view in VIEWS:
+        for attempt, snapshot in dataset.snapshots(view, kept.index[kept[f"{view}_taken"]]):
+            session = dataset.session(attempt).ulid
+            rows.append({"attempt": attempt, "session": session, "view": view, **_facts(dataset, attempt, snapshot)})
+            if view == "overhead":
+                hashes[attempt] = picture_hash(snapshot.rgb)
+            if on_picture is not None:
+                on_picture()
+    return PictureFacts(table=pd.DataFrame(rows, columns=_COLUMNS), hashes=hashes)
+
+
+def picture_findings(facts: PictureFacts) -> Iterator[Finding]:
+    """Blank and frozen pictures, holes, units, repeated pictures."""
+    table = facts.table
+    blank = table["deviation"] < _BLANK_DEVIATION
+    yield from _about("GD-301", "error", table[blank], "{n} attempts have a picture that is black or of one colour")
+    seen = table[~blank]
+    frozen = _frozen(seen)
+    yield from _about("GD-302", "error", seen[frozen], "{n} attempts repeat the picture before: the camera was frozen")
+    twice = seen[~frozen].duplicated("digest", keep=False)
+    yield from _about("GD-306", "warning", seen[~frozen][twice], "{n} attempts share a picture with another attempt")
+    holes = table["holes"] > _MOST_HOLES
+    yield from _about(
+        "GD-303", "warning", table[holes], f"{{n}} attempts lack depth in over {_MOST_HOLES:.0%} of a picture"
+    )
+    low, high = _DEPTH_RATIO
+    off = table[~holes & ~table["depth_ratio"].between(low, high)]
+    ratio = off["depth_ratio"].median()
+    yield from _about(
+        "GD-304",
+        "error",
+        off,
+        f"{{n}} attempts measure depth at {ratio:.3g} times the camera's height: check depth_scale_m and the mount",
+    )
+
+
+def intrinsics_findings(dataset: GraspDataset) -> Iterator[Finding]:
+    """Whether the camera that a session describes can have taken pictures of that size."""
+    for session in dataset.sessions:
+        lens = session.header.station.camera.intrinsics
+        centred = abs(lens.cx / lens.width - 0.5) < 0.2 and abs(lens.cy / lens.height - 0.5) < 0.2
+        if not centred or not 0.8 < lens.fx / lens.fy < 1.25:
+            yield whole(
+                "GD-305",
+                "error",
+                f"session {session.ulid}: focal lengths ({lens.fx:.1f}, {lens.fy:.1f}) px and principal point "
+                f"({lens.cx:.1f}, {lens.cy:.1f}) px do not fit pictures of {lens.width}x{lens.height}",
+            )
+
+
+def damage_finding(error: CorruptDataError) -> Finding:
+    """That pictures could not be looked at."""
+    return whole("GD-106", "error", f"{error}; 'handsight dataset verify' names everything that is damaged")
+
+
+def _facts(dataset: GraspDataset, attempt: str, snapshot: Snapshot) -> dict[str, object]:
+    station = dataset.station(attempt)
+    depth = snapshot.depth[::_STEP, ::_STEP]
+    valid = depth[depth > 0]
+    height_m = float(snapshot.pose_base_tool[2, 3]) - station.camera.z_tool_camera_m
+    median_m = float(np.median(valid)) * station.depth_scale_m if len(valid) else float("nan")
+    return {
+        "digest": hashlib.sha256(np.ascontiguousarray(snapshot.rgb).data).digest(),
+        "deviation": float(snapshot.rgb[::_STEP, ::_STEP].mean(axis=2).std()),
+        "holes": 1 - len(valid) / depth.size,
+        "depth_ratio": median_m / height_m if height_m > 0 else float("nan"),
+    }
+
+
+def _frozen(table: pd.DataFrame) -> pd.Series[bool]:
+    """Whether a picture is that of the attempt before it in the same session, in the same view."""
+    before = table.groupby(["session", "view"])["digest"].shift()
+    return before == table["digest"]
+
+
+def _about(code: str, severity: Severity, rows: pd.DataFrame, message: str) -> list[Finding]:
+    return about(code, severity, dict.fromkeys(rows["attempt"]), message)

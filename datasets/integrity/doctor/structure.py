@@ -1,0 +1,53 @@
+"""GD-1xx: whether the dataset hangs together."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import zarr
+
+from handsight.datasets.format.arrays import array_at, group_at
+from handsight.datasets.format.schema import COLUMNS, SESSIONS, VIEWS
+from handsight.datasets.format.sessions import attribute_damage
+from handsight.datasets.integrity.doctor.findings import Finding, about, whole
+from handsight.datasets.reading.reader import GraspDataset
+
+
+def structure_findings(dataset: GraspDataset) -> Iterator[Finding]:
+    """Sessions, lengths, ids, curation."""
+    root = dataset.repository.root(dataset.snapshot_id)
+    for session in dataset.sessions:
+        group = group_at(root, f"{SESSIONS}/{session.ulid}")
+        if session.status == "open":
+            yield whole("GD-101", "note", f"session {session.ulid} is open: its collector has not sealed it yet")
+        yield from _length_findings(session.ulid, group)
+        for fault in attribute_damage(group.attrs.asdict()):
+            yield whole("GD-107", "error", f"session {session.ulid}: {fault}")
+    yield from _id_findings(dataset)
+
+
+def _length_findings(ulid: str, group: zarr.Group) -> Iterator[Finding]:
+    paths = [f"attempts/{column.name}" for column in COLUMNS]
+    paths += [f"{view}/{name}" for view in VIEWS for name in ("rgb", "depth", "pose_base_tool")]
+    lengths = {path: array_at(group, path).shape[0] for path in paths}
+    if len(set(lengths.values())) > 1:
+        listed = ", ".join(f"{path} {length}" for path, length in lengths.items())
+        yield whole("GD-103", "error", f"arrays of session {ulid} differ in length: {listed}")
+
+
+def _id_findings(dataset: GraspDataset) -> Iterator[Finding]:
+    table = dataset.attempts
+    positions = table.groupby("session").cumcount()
+    yield from about(
+        "GD-104",
+        "error",
+        table.index[table["number"].to_numpy() != positions.to_numpy()],
+        "{n} attempts have another number than their place in the session",
+    )
+    curated = {one for decision in dataset.overlay.decisions for one in decision.attempts}
+    yield from about(
+        "GD-105",
+        "warning",
+        sorted(curated - set(table.index)),
+        "{n} attempts that were curated are not in this version",
+    )

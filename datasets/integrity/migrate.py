@@ -1,0 +1,87 @@
+"""Bringing a dataset of an older schema forward, on a branch of its own.
+
+The version that was migrated stays as it is, and every attempt keeps its id and its digest; see older.py.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import zarr
+
+from handsight.datasets.address import DEFAULT_REF
+from handsight.datasets.format.arrays import array_at, group_at
+from handsight.datasets.format.schema import SCHEMA_VERSION, SESSIONS, Slots, create_array
+from handsight.datasets.format.upgrades import columns_since, current_attributes
+from handsight.datasets.store.branches import create_branch, delete_branch
+from handsight.datasets.store.icechunk_engine import engine_errors
+from handsight.datasets.store.repository import GraspRepository
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Migration:
+    """What a call of :func:`migrate` did."""
+
+    branch: str
+    snapshot: str
+    """Tip of the new branch; the version itself where there was nothing to do."""
+    schema_before: int
+    schema_after: int
+    sessions: int
+
+
+def migrate(repository: GraspRepository, branch: str, *, ref: str = DEFAULT_REF) -> Migration | None:
+    """Make a branch that begins at a version of an older schema and ends with the same content in the newest one.
+
+    Returns None, and makes no branch, when the version has the newest schema already.
+
+    Raises:
+        RefNotFoundError: There is no such version.
+        RefNameError: The branch's name is malformed or taken.
+        CorruptDataError: What describes a session is damaged: repair cannot help, restore it from a copy.
+    """
+    before = schema_of(repository.root(repository.resolve(ref)))
+    if before >= SCHEMA_VERSION:
+        return None
+    create_branch(repository, branch, ref)
+    try:
+        change = repository.writable(branch)
+        with engine_errors(f"cannot migrate {repository.path}"):
+            root = zarr.open_group(change.store, mode="r+")
+            sessions = [session for _, session in group_at(root, SESSIONS).groups()]
+            for session in sessions:
+                _bring_forward(session, before)
+            root.update_attributes({"schema_version": SCHEMA_VERSION})
+        message = f"migrate {ref} from schema {before} to {SCHEMA_VERSION}"
+        snapshot = repository.commit(change, branch=branch, message=message)
+    except BaseException:
+        delete_branch(repository, branch, force=True)
+        raise
+    return Migration(
+        branch=branch, snapshot=snapshot, schema_before=before, schema_after=SCHEMA_VERSION, sessions=len(sessions)
+    )
+
+
+def schema_of(root: zarr.Group) -> int:
+    """The schema version of a snapshot."""
+    return int(str(root.attrs["schema_version"]))
+
+
+def _bring_forward(session: zarr.Group, schema: int) -> None:
+    """Give a session today's attributes, and the columns it lacks: fill values, of which nothing is stored."""
+    session.attrs.put(current_attributes(session.attrs.asdict(), schema))
+    numbers = array_at(session, "attempts/number")
+    slots = Slots(objects=array_at(session, "attempts/catalogue_index").shape[1], conditions=1)
+    attempts = group_at(session, "attempts")
+    for column in columns_since(schema):
+        row = column.shape(slots)
+        create_array(
+            attempts,
+            column.name,
+            dtype=column.dtype,
+            row=row,
+            rows=numbers.chunks[0],
+            fill=column.fill,
+            attributes={"unit": column.unit, "description": column.description},
+        )
+        array_at(attempts, column.name).resize((numbers.shape[0], *row))

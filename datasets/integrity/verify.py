@@ -1,0 +1,149 @@
+"""Proof that stored bytes are those that were recorded.
+
+Every chunk carries a crc32c, so most damage shows when it is decoded. What is decoded is then hashed again and
+compared with the digest recorded with the attempt, which also finds pictures that were swapped, rows that were moved
+and anything that was changed with its checksum. Ids and clocks, which the digest leaves out, are covered by the
+checksum alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import BrokenExecutor
+from dataclasses import dataclass
+
+import numpy as np
+import zarr
+
+from handsight.datasets.address import Place
+from handsight.datasets.curation.folds import FOLDS
+from handsight.datasets.errors import StorageError
+from handsight.datasets.format.arrays import READ_FAILURES, array_at, group_at, read_rows
+from handsight.datasets.format.decisions import CURATION
+from handsight.datasets.format.saved_views import VIEWS_GROUP
+from handsight.datasets.format.schema import COLUMNS, SESSIONS, Slots
+from handsight.datasets.format.sessions import attribute_damage
+from handsight.datasets.integrity.attempt_checks import AttemptChecker, Checked, Stretch
+from handsight.datasets.reading.reader import GraspDataset
+from handsight.datasets.store.repository import GraspRepository
+from handsight.jobs.processes import process_pool
+
+_STRETCH = 64
+"""Attempts checked at a time, about 0.6 s of work; it divides the chunks of columns."""
+
+_WORTH_A_PROCESS = 512
+"""Attempts that take longer to check than a process takes to start."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VerifyReport:
+    """What a verification found."""
+
+    checked: int
+    """Attempts whose every byte was read."""
+    bytes: int
+    """Bytes of pictures and columns that were hashed, uncompressed."""
+    faults: dict[str, str]
+    """Why an attempt is corrupt, by its id."""
+    damage: tuple[str, ...]
+    """Damage to what belongs to no single attempt: session headers, curation, folds, views."""
+
+    @property
+    def corrupt(self) -> tuple[str, ...]:
+        """Ids of the corrupt attempts, in the order of the table."""
+        return tuple(self.faults)
+
+    @property
+    def ok(self) -> bool:
+        """Whether every byte is as it was recorded."""
+        return not self.faults and not self.damage
+
+
+def verify(dataset: GraspDataset, *, jobs: int = 1, on_checked: Callable[[int], None] | None = None) -> VerifyReport:
+    """Read every byte of a version and name the attempts whose bytes are not those recorded.
+
+    Args:
+        dataset: The version to check.
+        jobs: Processes at most; one for every few hundred attempts. With more than one, a script has to keep what it
+            does under ``if __name__ == "__main__"``, because its processes are spawned.
+        on_checked: Called with the number of attempts checked so far.
+
+    Raises:
+        CorruptDataError: The list of sessions itself cannot be read.
+        StorageError: A process ended before its time.
+        ForkedProcessError: The dataset was opened in another process.
+    """
+    root = dataset.repository.root(dataset.snapshot_id)
+    whole = [Stretch(session.ulid, 0, session.attempts) for session in dataset.sessions]
+    stretches = [piece for session in whole for piece in session.cut(_STRETCH)]
+    attempts = sum(session.stop for session in whole)
+    workers = min(jobs, max(1, attempts // _WORTH_A_PROCESS))
+    found = map(AttemptChecker(dataset).check, stretches) if workers == 1 else _spread(dataset, stretches, workers)
+    parts: list[Checked] = []
+    checked = 0
+    for part in found:
+        parts.append(part)
+        checked += part.attempts
+        if on_checked is not None:
+            on_checked(checked)
+    total = Checked.together(parts)
+    return VerifyReport(
+        checked=total.attempts, bytes=total.bytes, faults=total.faults, damage=tuple(_damage_beside(root))
+    )
+
+
+def _spread(dataset: GraspDataset, stretches: Sequence[Stretch], workers: int) -> Iterator[Checked]:
+    """What processes find, in the order of the stretches. Threads would share one interpreter and wait for it."""
+    pool = process_pool(workers, _open_checker, dataset.repository.path, dataset.snapshot_id)
+    try:
+        yield from pool.map(_check, stretches)
+    except BrokenExecutor as error:
+        raise StorageError(
+            "a process that verified attempts ended before its time, perhaps for lack of memory: use fewer with --jobs"
+        ) from error
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+_checkers: list[AttemptChecker] = []
+"""The one of this process, where it is one of those that verify."""
+
+
+def _open_checker(path: Place, snapshot_id: str) -> None:
+    _checkers.append(AttemptChecker(GraspDataset(GraspRepository.open(path), ref=snapshot_id)))
+
+
+def _check(stretch: Stretch) -> Checked:
+    (checker,) = _checkers
+    return checker.check(stretch)
+
+
+def _damage_beside(root: zarr.Group) -> Iterator[str]:
+    """Reads what the dataset holds beside its attempts: how sessions are described, curation, views, folds."""
+    try:
+        for ulid, session in sorted(group_at(root, SESSIONS).groups()):
+            yield from (f"session {ulid}: {fault}" for fault in _session_faults(session))
+        for name in sorted(set(root.group_keys()) - {SESSIONS}):
+            if name not in (CURATION, FOLDS, VIEWS_GROUP):
+                yield f"there is a group {name!r}, which handsight does not make"
+            for _, node in sorted(group_at(root, name).members(max_depth=None)):
+                if isinstance(node, zarr.Array):
+                    read_rows(node, 0, node.shape[0])
+    except READ_FAILURES as error:
+        yield str(error)
+
+
+def _session_faults(group: zarr.Group) -> list[str]:
+    """Attributes that changed, and columns that are not laid out as the schema says: their bytes would be misread."""
+    faults = attribute_damage(group.attrs.asdict())
+    slots = Slots(*(array_at(group, f"attempts/{name}").shape[1] for name in ("catalogue_index", "conditions")))
+    for column in COLUMNS:
+        array = array_at(group, f"attempts/{column.name}")
+        found = (array.dtype, array.shape[1:], np.array(array.fill_value, array.dtype).tobytes())
+        dtype = np.dtype(column.dtype)
+        if found != (dtype, column.shape(slots), np.array(column.fill, dtype).tobytes()):
+            faults.append(
+                f"column {column.name} has type {array.dtype}, rows of {array.shape[1:]}, fill value "
+                f"{array.fill_value}; expected {dtype}, {column.shape(slots)}, {column.fill}"
+            )
+    return faults

@@ -1,0 +1,1 @@
+"""A dataset with its history: branches, releases, durable commits. The only place that imports Icechunk."""

@@ -1,0 +1,56 @@
+"""Branches: names for versions that move with each commit."""
+
+from __future__ import annotations
+
+from handsight.datasets.address import DEFAULT_REF
+from handsight.datasets.errors import RefNameError, RefNotFoundError
+from handsight.datasets.store.icechunk_engine import engine_errors, sync_file_system
+from handsight.datasets.store.refs import create_ref
+from handsight.datasets.store.releases import LEDGER_BRANCH, check_ref_name
+from handsight.datasets.store.repository import GraspRepository
+
+
+def create_branch(repository: GraspRepository, name: str, ref: str = DEFAULT_REF) -> str:
+    """Begin a branch at a version, and return the snapshot id.
+
+    Raises:
+        RefNameError: The name is malformed, or taken by a release or branch.
+        RefNotFoundError: There is no such ref.
+    """
+    check_ref_name("branch", name)
+    with repository.locked():
+        if name in repository.releases() or name in repository.branches():
+            raise RefNameError(f"{name!r} is taken in {repository.path}: choose another name for the branch")
+        snapshot_id = repository.resolve(ref)
+        with engine_errors(f"cannot create branch {name!r} of {repository.path}"):
+            create_ref(repository.engine, repository.path, "branch", name, snapshot_id)
+    return snapshot_id
+
+
+def delete_branch(repository: GraspRepository, name: str, *, force: bool = False) -> str:
+    """Drop a branch and return the snapshot id it had, from which it can be created again until the next ``gc``.
+
+    Raises:
+        RefNotFoundError: There is no such branch.
+        RefNameError: It is the default branch or, without ``force``, holds commits that no other ref leads to.
+    """
+    with repository.locked():
+        branches = repository.branches()
+        if name not in branches:
+            raise RefNotFoundError(f"{repository.path} has no branch {name!r} (branches: {', '.join(branches)})")
+        if name == DEFAULT_REF:
+            raise RefNameError(f"{name!r} is the default branch of {repository.path} and cannot be deleted")
+        others = [ref for ref in (*branches, *repository.releases()) if ref not in (name, LEDGER_BRANCH)]
+        if not force and not any(branches[name] in _history(repository, ref) for ref in others):
+            raise RefNameError(
+                f"branch {name!r} of {repository.path} holds commits that no other branch or release leads to: "
+                f"release it first, or delete it by force"
+            )
+        with engine_errors(f"cannot delete branch {name!r} of {repository.path}"):
+            repository.engine.delete_branch(name)
+        sync_file_system(repository.path)
+    return branches[name]
+
+
+def _history(repository: GraspRepository, ref: str) -> set[str]:
+    return {entry.snapshot_id for entry in repository.log(ref)}

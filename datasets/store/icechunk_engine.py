@@ -1,0 +1,141 @@
+"""Everything handsight asks of Icechunk beyond its own calls: set-up, durable commits, named errors."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import icechunk
+
+from handsight.datasets.address import Place, S3Prefix
+from handsight.datasets.errors import StorageError, headline
+from handsight.datasets.store.refs import move_branch
+
+_MANIFEST_CHUNKS = 1024
+"""Chunk references in one manifest. A commit rewrites the last manifest of each array, so without a limit the cost of a
+commit grows with the length of the session."""
+
+
+def storage_at(place: Place) -> icechunk.Storage:
+    """Icechunk's view of a place; it creates a folder where there is none.
+
+    A bucket is reached as other tools reach it: by ``AWS_ENDPOINT_URL``, ``AWS_REGION`` and the credentials that the
+    environment or the machine provides.
+    """
+    if isinstance(place, S3Prefix):
+        endpoint = os.environ.get("AWS_ENDPOINT_URL_S3") or os.environ.get("AWS_ENDPOINT_URL") or None
+        return icechunk.s3_storage(
+            bucket=place.bucket,
+            prefix=place.prefix,
+            region=os.environ.get("AWS_REGION") or os.environ.get("AWS_DEFAULT_REGION") or "us-east-1",
+            endpoint_url=endpoint,
+            allow_http=endpoint is not None and endpoint.startswith("http://"),
+            # Servers other than Amazon's seldom answer for BUCKET.HOST.
+            force_path_style=endpoint is not None,
+            from_env=True,
+        )
+    # It warns that local commits are unsafe; ours hold the dataset's lock.
+    icechunk.set_logs_filter("warn,icechunk::storage::object_store=error")
+    return icechunk.local_filesystem_storage(str(place.resolve()))
+
+
+def engine_config() -> icechunk.RepositoryConfig:
+    """The settings that every new dataset is created with and keeps."""
+    splitting = icechunk.ManifestSplittingConfig.from_dict(
+        {icechunk.ManifestSplitCondition.AnyArray(): {icechunk.ManifestSplitDimCondition.Axis(0): _MANIFEST_CHUNKS}}
+    )
+    config = icechunk.RepositoryConfig.default()
+    config.manifest = icechunk.ManifestConfig(splitting=splitting)
+    return config
+
+
+@contextmanager
+def engine_errors(action: str) -> Iterator[None]:
+    """Turn failures of the engine into ``StorageError``; ``action`` says what was being done."""
+    try:
+        yield
+    except icechunk.IcechunkError as error:
+        advice = "check that the disk is writable and not full, or that the bucket is within reach"
+        raise StorageError(f"{action}: {headline(error)}; {advice}") from error
+
+
+def publish(
+    repository: icechunk.Repository,
+    session: icechunk.Session,
+    *,
+    root: Path,
+    branch: str,
+    message: str,
+    metadata: Mapping[str, Any],
+) -> str:
+    """Move the branch to a new snapshot with the session's changes, and return its id. The caller holds the lock.
+
+    What the snapshot needs is on the disk before the branch points to it, and the branch is before this returns, so
+    a power cut leaves either the old version or the new one, whole. Icechunk itself never syncs (refs.py).
+
+    Raises:
+        icechunk.RebaseFailedError: The branch has moved and its new commits touch what the session touched.
+    """
+    tip = repository.lookup_branch(branch)
+    if session.snapshot_id != tip:
+        session.rebase(icechunk.ConflictDetector())
+    snapshot_id = session.flush(message, dict(metadata))
+    sync_file_system(root)
+    move_branch(root, branch, snapshot_id)
+    return snapshot_id
+
+
+def publish_shared(
+    repository: icechunk.Repository,
+    session: icechunk.Session,
+    *,
+    branch: str,
+    message: str,
+    metadata: Mapping[str, Any],
+    check: Callable[[str], None],
+) -> str:
+    """As :func:`publish` for an object store, where no lock reaches and the store itself refuses a stale move.
+
+    Whoever is refused starts again from the new tip, of which ``check`` is told each time.
+
+    Raises:
+        icechunk.RebaseFailedError: The branch has moved and its new commits touch what the session touched.
+    """
+    while True:
+        tip = repository.lookup_branch(branch)
+        check(tip)
+        if session.snapshot_id != tip:
+            session.rebase(icechunk.ConflictDetector())
+        if session.snapshot_id != tip:
+            continue
+        try:
+            return session.commit(message, dict(metadata))
+        except icechunk.ConflictError:
+            continue
+
+
+def sync_file_system(path: Place) -> None:
+    """Wait until everything written to the file system under ``path`` is on the disk.
+
+    An object store acknowledges only what is durable, so there is nothing to wait for.
+
+    One call for the file system, because Icechunk does not say which files it wrote; a few milliseconds when little
+    else is being written. Where there is no ``syncfs``, all file systems are synced.
+    """
+    if isinstance(path, S3Prefix):
+        return
+    libc = ctypes.CDLL(None, use_errno=True)
+    if not hasattr(libc, "syncfs"):
+        os.sync()
+        return
+    folder = os.open(path, os.O_RDONLY)
+    try:
+        if libc.syncfs(folder) != 0:
+            code = ctypes.get_errno()
+            raise StorageError(f"cannot sync {path} to disk: {os.strerror(code)}; the commit may not survive a crash")
+    finally:
+        os.close(folder)

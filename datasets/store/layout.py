@@ -1,0 +1,82 @@
+"""The place of a dataset: what may be there before, and what is there from the start."""
+
+from __future__ import annotations
+
+import uuid
+
+import icechunk
+import zarr
+
+from handsight.datasets.address import DEFAULT_REF, Place, S3Prefix
+from handsight.datasets.errors import DatasetExistsError, NotADatasetError, SchemaError
+from handsight.datasets.format.provenance import utc_now
+from handsight.datasets.format.schema import SCHEMA_VERSION, SESSIONS
+from handsight.datasets.store.icechunk_engine import engine_config, engine_errors, storage_at, sync_file_system
+from handsight.datasets.store.releases import LEDGER_BRANCH
+
+
+def is_engine_folder(path: Place) -> bool:
+    """Whether an Icechunk store, ours or not, is there. Writes nothing."""
+    # Icechunk creates the folder it is asked about, so it is asked only about folders that look like its own.
+    with engine_errors(f"cannot open {path}"):
+        looks_like_one = isinstance(path, S3Prefix) or (path / "refs").is_dir()
+        return looks_like_one and icechunk.Repository.exists(storage_at(path))
+
+
+def refuse_occupied(path: Place) -> None:
+    """Refuse a place where a new dataset cannot be made.
+
+    Raises:
+        DatasetExistsError: There is a dataset already.
+        NotADatasetError: There is a file, or a folder with something else in it.
+    """
+    if isinstance(path, S3Prefix) or path.is_dir():
+        if is_engine_folder(path):
+            raise DatasetExistsError(f"there is a dataset at {path} already: open it, or choose another path")
+        if not isinstance(path, S3Prefix) and any(path.iterdir()):
+            raise NotADatasetError(f"{path} is a folder with other files in it: choose a new or an empty folder")
+    elif path.exists():
+        raise NotADatasetError(f"{path} is a file, expected a new or an empty folder")
+
+
+def write_empty(path: Place) -> None:
+    """Make a dataset without attempts where there is nothing yet, and sync it to disk."""
+    repository = icechunk.Repository.create(storage_at(path), engine_config())
+    session = repository.writable_session(DEFAULT_REF)
+    attributes = {"schema_version": SCHEMA_VERSION, "dataset_uuid": str(uuid.uuid4()), "created": utc_now()}
+    zarr.create_group(session.store, attributes=attributes).create_group(SESSIONS)
+    snapshot_id = session.commit("create the dataset")
+    repository.create_branch(LEDGER_BRANCH, snapshot_id)
+    sync_file_system(path)
+
+
+def check_schema(path: Place, version: object) -> None:
+    """Refuse what this handsight cannot read; ``version`` is the root's ``schema_version``, None where it has none.
+
+    Raises:
+        NotADatasetError: The store was not written by handsight.
+        SchemaError: It was written by a newer one.
+    """
+    if not isinstance(version, int):
+        raise NotADatasetError(f"{path} was not written by handsight (its root has no schema_version): check the path")
+    if version > SCHEMA_VERSION:
+        raise SchemaError(
+            f"{path} has schema version {version}, this handsight reads up to {SCHEMA_VERSION}: upgrade handsight"
+        )
+
+
+def check_current(path: Place, ref: str, root: zarr.Group) -> None:
+    """Refuse a version of another schema than this handsight writes, older ones included; ``root`` is its root group.
+
+    Raises:
+        NotADatasetError: The store was not written by handsight.
+        SchemaError: It has another schema.
+    """
+    version = root.attrs.asdict().get("schema_version")
+    check_schema(path, version)
+    if version != SCHEMA_VERSION:
+        raise SchemaError(
+            f"{path}@{ref} has schema version {version}, and this handsight works with {SCHEMA_VERSION}: run "
+            f"'handsight dataset migrate {path}@{ref} --branch schema-{SCHEMA_VERSION}', then use "
+            f"{path}@schema-{SCHEMA_VERSION}; the old version stays as it is"
+        )

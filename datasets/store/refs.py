@@ -1,0 +1,101 @@
+"""Branches and releases on a local disk, written so that a power cut leaves the old target or the new one, whole.
+
+Icechunk keeps a ref in a file that it renames into place without syncing it first. Some file systems let the rename
+reach the disk before the content, and after a power cut the file is empty: no version can be found any more. In an
+object store a write is durable and whole once it is acknowledged, so there Icechunk's own calls serve.
+
+The caller holds the commit lock; nothing else keeps two processes from moving the same branch.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Literal
+
+import icechunk
+
+from handsight.datasets.address import Place, S3Prefix
+from handsight.datasets.errors import RefNameError, StorageError
+
+_FILE = "ref.json"
+_UNFINISHED = ".ref.unfinished"
+_TOMBSTONE = "ref.json.deleted"
+
+Kind = Literal["branch", "tag"]
+
+
+def move_branch(path: Path, name: str, snapshot_id: str) -> None:
+    """Let a branch of a local dataset point to a snapshot that is on the disk; durable when this returns.
+
+    Raises:
+        StorageError: The disk is full or not writable.
+    """
+    folder = path / "refs" / f"branch.{name}"
+    with _disk_errors(folder):
+        _write(folder / _UNFINISHED, snapshot_id)
+        (folder / _UNFINISHED).replace(folder / _FILE)
+        _sync_folder(folder)
+
+
+def create_ref(repository: icechunk.Repository, path: Place, kind: Kind, name: str, snapshot_id: str) -> None:
+    """Make a branch or a tag that does not exist yet; durable when this returns.
+
+    Raises:
+        RefNameError: The name belonged to a tag that was deleted, of which Icechunk keeps a tombstone so that a name
+            never means two versions; or in a bucket somebody else has just made a tag of it.
+        StorageError: The disk is full or not writable.
+        icechunk.IcechunkError: The object store refused it.
+    """
+    deleted = RefNameError(f"{name!r} was a release of {path} and was deleted: choose another")
+    if isinstance(path, S3Prefix):
+        if kind == "branch":
+            repository.create_branch(name, snapshot_id)
+            return
+        try:
+            repository.create_tag(name, snapshot_id)
+        except icechunk.IcechunkError as error:
+            if name in repository.list_tags():
+                raise RefNameError(f"somebody has just released {name!r} of {path}: choose another name") from error
+            raise deleted from error
+        return
+    if kind == "tag" and (path / "refs" / f"tag.{name}" / _TOMBSTONE).exists():
+        raise deleted
+    folder = path / "refs" / f"{kind}.{name}"
+    with _disk_errors(folder), tempfile.TemporaryDirectory(prefix=_UNFINISHED, dir=path) as temporary:
+        # Icechunk takes a folder without file for a ref and fails, so the folder is renamed into place whole.
+        unfinished = Path(temporary) / folder.name
+        unfinished.mkdir()
+        _write(unfinished / _FILE, snapshot_id)
+        _sync_folder(unfinished)
+        unfinished.rename(folder)
+        _sync_folder(folder.parent)
+
+
+def _write(file: Path, snapshot_id: str) -> None:
+    with file.open("w", encoding="utf-8") as opened:
+        json.dump({"snapshot": snapshot_id}, opened, separators=(",", ":"))
+        opened.flush()
+        os.fsync(opened.fileno())
+
+
+@contextmanager
+def _disk_errors(folder: Path) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        raise StorageError(
+            f"cannot write {folder / _FILE}: {error.strerror}; check that the disk is writable and not full"
+        ) from error
+
+
+def _sync_folder(folder: Path) -> None:
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

@@ -1,0 +1,356 @@
+"""A dataset with its history: branches, releases, commits."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import icechunk
+import zarr
+from filelock import FileLock, Timeout
+
+from handsight.datasets.address import DEFAULT_REF, Place, S3Prefix, cache_folder, place_of
+from handsight.datasets.errors import (
+    CorruptDataError,
+    DatasetBusyError,
+    DatasetNotFoundError,
+    ForkedProcessError,
+    NotADatasetError,
+    RefNameError,
+    RefNotFoundError,
+    SessionConflictError,
+)
+from handsight.datasets.store.icechunk_engine import (
+    engine_errors,
+    publish,
+    publish_shared,
+    storage_at,
+    sync_file_system,
+)
+from handsight.datasets.store.layout import check_schema, is_engine_folder, refuse_occupied, write_empty
+from handsight.datasets.store.refs import create_ref
+from handsight.datasets.store.releases import (
+    LEDGER_BRANCH,
+    Release,
+    add_to_ledger,
+    check_ref_name,
+    is_snapshot_id,
+    read_ledger,
+)
+
+SIDE_FOLDER = ".handsight"
+"""Folder inside a local dataset for what is not part of any version: the lock and caches."""
+
+_LOCK_TIMEOUT_S = 120.0
+"""A commit holds the lock for milliseconds, so a longer wait means that something is stuck."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LogEntry:
+    """One commit in the history of a version."""
+
+    snapshot_id: str
+    message: str
+    written_at: datetime
+    attempts_added: int
+    session: str | None
+    """The session that the commit recorded to; None for any other commit."""
+    refs: tuple[str, ...]
+    """Releases and branches that point to this snapshot."""
+
+
+class GraspRepository:
+    """A dataset in a folder or a bucket, open in this process.
+
+    Use :meth:`create`, :meth:`open` or :meth:`open_or_create`. Any number of processes may have the same
+    dataset open and commit to it; on a local disk, where Icechunk loses concurrent commits, they take a lock. A forked
+    child must open the dataset itself, in a process started by spawn or forkserver: Icechunk hangs after a fork.
+    """
+
+    def __init__(self, path: Place, engine: icechunk.Repository) -> None:
+        self.path = path
+        self._engine = engine
+        self._owner_pid = os.getpid()
+        self._lock: FileLock | None = None
+        if not isinstance(path, S3Prefix):
+            self._lock = FileLock(path / SIDE_FOLDER / "commit.lock", timeout=_LOCK_TIMEOUT_S, poll_interval=0.005)
+
+    @classmethod
+    def create(cls, path: str | Place) -> GraspRepository:
+        """Create an empty dataset, and the folders above it.
+
+        A folder appears at once or not at all: it is made under another name beside its place and renamed.
+
+        Raises:
+            DatasetExistsError: There is a dataset already.
+            NotADatasetError: The path is a file or a folder with something else in it.
+        """
+        path = place_of(path)
+        refuse_occupied(path)
+        if isinstance(path, S3Prefix):
+            with engine_errors(f"cannot create a dataset at {path}"):
+                write_empty(path)
+            return cls.open(path)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix=f".{path.name}.new-", dir=path.parent) as folder:
+            fresh = Path(folder) / "dataset"
+            with engine_errors(f"cannot create a dataset at {path}"):
+                write_empty(fresh)
+            try:
+                fresh.rename(path)
+            except OSError:
+                refuse_occupied(path)
+                raise
+        sync_file_system(path)
+        return cls.open(path)
+
+    @classmethod
+    def open(cls, path: str | Place) -> GraspRepository:
+        """Open an existing dataset.
+
+        Raises:
+            DatasetNotFoundError: Nothing is there.
+            NotADatasetError: The path is a file or a folder that is no dataset.
+            SchemaError: The dataset was written by a newer handsight.
+        """
+        path = place_of(path)
+        if not path.exists() if isinstance(path, Path) else not is_engine_folder(path):
+            raise DatasetNotFoundError(f"there is no dataset at {path}: create it with 'handsight dataset init {path}'")
+        if isinstance(path, Path) and not is_engine_folder(path):
+            kind = "a folder that is no dataset" if path.is_dir() else "a file"
+            raise NotADatasetError(f"{path} is {kind}, expected a dataset folder: check the path")
+        with engine_errors(f"cannot open {path}"):
+            repository = cls(path, icechunk.Repository.open(storage_at(path)))
+            attributes = repository.root(repository.resolve(DEFAULT_REF)).attrs.asdict()
+        check_schema(path, attributes.get("schema_version"))
+        return repository
+
+    @classmethod
+    def open_or_create(cls, path: str | Place) -> GraspRepository:
+        """Open the dataset, or create it where nothing is there."""
+        try:
+            return cls.open(path)
+        except DatasetNotFoundError:
+            return cls.create(path)
+
+    @property
+    def folder(self) -> Path:
+        """The folder of a local dataset.
+
+        Raises:
+            NotADatasetError: The dataset is in a bucket.
+        """
+        if isinstance(self.path, S3Prefix):
+            raise NotADatasetError(
+                f"{self.path} is in a bucket, expected a local folder: merge it into a local dataset"
+            )
+        return self.path
+
+    @property
+    def side_folder(self) -> Path:
+        """Local folder for caches of this dataset; it need not exist, and may be deleted at any time."""
+        if isinstance(self.path, S3Prefix):
+            uuid = str(self.root(self.resolve(DEFAULT_REF)).attrs["dataset_uuid"])
+            return cache_folder() / "datasets" / uuid
+        return self.path / SIDE_FOLDER
+
+    @property
+    def engine(self) -> icechunk.Repository:
+        """The storage engine, for the modules of this room that look after branches and disk space."""
+        self.check_process()
+        return self._engine
+
+    def branches(self) -> dict[str, str]:
+        """Snapshot id of each branch by name, sorted."""
+        self.check_process()
+        with engine_errors(f"cannot list the branches of {self.path}"):
+            names = sorted(self._engine.list_branches() - {LEDGER_BRANCH})
+            return {name: self._engine.lookup_branch(name) for name in names}
+
+    def releases(self) -> dict[str, Release]:
+        """Releases by name, sorted."""
+        tags = self._tags()
+        return read_ledger(self.root(self._engine.lookup_branch(LEDGER_BRANCH)), tags) if tags else {}
+
+    def resolve(self, ref: str) -> str:
+        """The snapshot id that a release, a branch or a snapshot id names, looked up in this order.
+
+        Raises:
+            RefNotFoundError: None of them has that name; the message lists those that exist.
+        """
+        tags, branches = self._tags(), self.branches()
+        snapshot_id = tags.get(ref) or branches.get(ref)
+        if snapshot_id is None and is_snapshot_id(ref) and self._has_snapshot(ref):
+            snapshot_id = ref
+        if snapshot_id is None:
+            known = f"releases: {', '.join(tags) or 'none'}; branches: {', '.join(branches)}"
+            raise RefNotFoundError(f"{self.path} has no release, branch or snapshot {ref!r} ({known})")
+        return snapshot_id
+
+    def release(self, name: str, ref: str = DEFAULT_REF, message: str = "") -> Release:
+        """Give a snapshot a name for good. A release can be neither moved nor made again under its name.
+
+        Raises:
+            RefNameError: The name is malformed, taken by a release or branch, or belonged to a deleted release.
+            RefNotFoundError: There is no such ref.
+        """
+        check_ref_name("release", name)
+        with self.locked():
+            if name in self._tags() or name in self.branches():
+                raise RefNameError(f"{name!r} is taken in {self.path}: releases are immutable, choose another name")
+            release = Release(name=name, snapshot_id=self.resolve(ref), message=message, released_at=datetime.now(UTC))
+            self._record(release)
+            create_ref(self._engine, self.path, "tag", name, release.snapshot_id)
+        return release
+
+    def _record(self, release: Release) -> None:
+        """Add a release to the ledger, after others that reach a bucket at the same time."""
+        while True:
+            ledger = self.writable(LEDGER_BRANCH)
+            add_to_ledger(zarr.open_group(ledger.store, mode="r+"), release)
+            try:
+                self.commit(ledger, branch=LEDGER_BRANCH, message=f"release {release.name}")
+            except SessionConflictError:
+                continue  # Another release came first, so somebody gets on.
+            return
+
+    def log(self, ref: str = DEFAULT_REF) -> list[LogEntry]:
+        """The commits that led to a version, newest first.
+
+        Raises:
+            RefNotFoundError: There is no such ref.
+        """
+        snapshot_id = self.resolve(ref)
+        refs: dict[str, list[str]] = {}
+        for name, target in (*self._tags().items(), *self.branches().items()):
+            refs.setdefault(target, []).append(name)
+        with engine_errors(f"cannot read the history of {self.path}"):
+            return [
+                LogEntry(
+                    snapshot_id=commit.id,
+                    message=commit.message,
+                    written_at=commit.written_at,
+                    attempts_added=int(commit.metadata.get("attempts_added", 0)),
+                    session=commit.metadata.get("session"),
+                    refs=tuple(refs.get(commit.id, ())),
+                )
+                for commit in self._engine.ancestry(snapshot_id=snapshot_id)
+                if commit.parent_id is not None  # The engine's own empty first snapshot.
+            ]
+
+    def root(self, snapshot_id: str) -> zarr.Group:
+        """The root group of a snapshot, read-only."""
+        self.check_process()
+        with engine_errors(f"cannot read snapshot {snapshot_id} of {self.path}"):
+            session = self._engine.readonly_session(snapshot_id=snapshot_id)
+            try:
+                return zarr.open_group(session.store, mode="r")
+            except FileNotFoundError as error:
+                raise NotADatasetError(f"{self.path} holds no root group, expected a handsight dataset") from error
+            except (TypeError, ValueError) as error:
+                raise CorruptDataError(f"the root of {self.path}@{snapshot_id} is damaged: {error}") from error
+
+    def writable(self, branch: str) -> icechunk.Session:
+        """A session whose changes :meth:`commit` will put onto the branch.
+
+        Raises:
+            RefNotFoundError: There is no such branch.
+        """
+        self.check_process()
+        if branch not in self._engine.list_branches():
+            raise RefNotFoundError(f"{self.path} has no branch {branch!r} (branches: {', '.join(self.branches())})")
+        with engine_errors(f"cannot write to branch {branch!r} of {self.path}"):
+            return self._engine.writable_session(branch)
+
+    def commit(
+        self,
+        session: icechunk.Session,
+        *,
+        branch: str,
+        message: str,
+        metadata: Mapping[str, Any] | None = None,
+        check: Callable[[zarr.Group], None] | None = None,
+    ) -> str:
+        """Put a session's changes onto its branch, after whatever others have committed since, and return the id.
+
+        A session without changes adds no commit; the tip of the branch is returned.
+        ``check`` sees the branch as it is just before, with no commit of anybody else in between, and may refuse by
+        raising.
+
+        Raises:
+            SessionConflictError: Somebody else has committed changes to the same arrays.
+            DatasetBusyError: Another process held the lock for too long.
+        """
+
+        def check_tip(tip: str) -> None:
+            if check is not None:
+                check(self.root(tip))
+
+        what: dict[str, Any] = {"branch": branch, "message": message, "metadata": metadata or {}}
+        with self.locked(), engine_errors(f"cannot commit to {self.path}"):
+            if not session.has_uncommitted_changes:
+                return self._engine.lookup_branch(branch)
+            try:
+                if isinstance(self.path, S3Prefix):
+                    return publish_shared(self._engine, session, check=check_tip, **what)
+                check_tip(self._engine.lookup_branch(branch))
+                return publish(self._engine, session, root=self.path, **what)
+            except (icechunk.RebaseFailedError, icechunk.ConflictError) as error:
+                raise SessionConflictError(
+                    f"another process has changed the same session of {self.path} on branch {branch!r}: "
+                    "stop one of the two, then go on with --resume"
+                ) from error
+
+    @contextmanager
+    def locked(self) -> Iterator[None]:
+        """Keep every other process of this machine from committing; in a bucket it keeps out nobody.
+
+        Raises:
+            DatasetBusyError: Another process held the lock for too long.
+        """
+        self.check_process()
+        if self._lock is None:
+            yield
+            return
+        self.side_folder.mkdir(exist_ok=True)
+        try:
+            self._lock.acquire()
+        except Timeout as error:
+            raise DatasetBusyError(
+                f"another process has held {self._lock.lock_file} for {_LOCK_TIMEOUT_S:.0f} s: "
+                "find it and stop it, then try again"
+            ) from error
+        try:
+            yield
+        finally:
+            self._lock.release()
+
+    def check_process(self) -> None:
+        """Refuse to go on in a forked child, where the engine would hang.
+
+        Raises:
+            ForkedProcessError: This process did not open the repository.
+        """
+        if os.getpid() != self._owner_pid:
+            raise ForkedProcessError(
+                f"{self.path} was opened in process {self._owner_pid} and is used in process {os.getpid()}: start "
+                "workers with the 'spawn' or 'forkserver' method and open the dataset in each of them"
+            )
+
+    def _tags(self) -> dict[str, str]:
+        self.check_process()
+        with engine_errors(f"cannot list the releases of {self.path}"):
+            return {name: self._engine.lookup_tag(name) for name in sorted(self._engine.list_tags())}
+
+    def _has_snapshot(self, snapshot_id: str) -> bool:
+        try:
+            self._engine.lookup_snapshot(snapshot_id)
+        except icechunk.IcechunkError:
+            return False
+        return True

@@ -1,0 +1,1 @@
+"""Recording sessions, and every other change of a branch as one commit."""

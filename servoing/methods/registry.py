@@ -1,0 +1,57 @@
+"""Servo methods by name, with the settings that the paper gives or that were tuned in simulation.
+
+The one place where a method is entered: the command, the figures and the tests that run every method read it here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+from typing import Final
+
+from handsight.servoing.errors import UnknownMethodError
+from handsight.servoing.methods.cem import Cem
+from handsight.servoing.methods.first_order import FirstOrder
+from handsight.servoing.optimiser import ServoMethod
+
+RANDOM: Final = "random"
+"""Grasp from the random pre-grasp pose: the baseline, without a network."""
+
+METHODS: Final[Mapping[str, ServoMethod]] = MappingProxyType(
+    {
+        method.name: method
+        for method in (
+            ServoMethod(name=RANDOM, label="random\ngrasps", paper_rate=0.185),
+            ServoMethod(name="cem-1", label="single-iteration\nCEM", settings=Cem(), paper_rate=0.75),
+            ServoMethod(name="first-order", label="first-order\nascent", settings=FirstOrder(), paper_rate=0.81),
+        )
+    }
+)
+"""Every method, the baseline first. Rates are those of the testing set of Table I, novel objects in simulation; CEM is
+the single-iteration variant (sections IV-A and IV-B)."""
+
+
+def servo_method(name: str) -> ServoMethod:
+    """The servo method of that name.
+
+    Raises:
+        UnknownMethodError: There is no such method, or it does not servo.
+    """
+    check_methods([name])
+    if METHODS[name].settings is None:
+        servoing = ", ".join(other for other, method in METHODS.items() if method.settings is not None)
+        raise UnknownMethodError(f"method is {name!r}, which does not servo, expected one of: {servoing}")
+    return METHODS[name]
+
+
+def check_methods(names: Sequence[str]) -> tuple[str, ...]:
+    """The names, if every one of them is a method, each once.
+
+    Raises:
+        UnknownMethodError: Some are not; all of them are named.
+    """
+    unknown = sorted(set(names) - set(METHODS))
+    if unknown or not names:
+        what = f"unknown servo method {', '.join(map(repr, unknown))}" if unknown else "no servo method given"
+        raise UnknownMethodError(f"{what}, expected some of: {', '.join(METHODS)}")
+    return tuple(dict.fromkeys(names))

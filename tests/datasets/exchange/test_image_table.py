@@ -1,0 +1,145 @@
+"""Pictures and a table of one's own become attempts; whatever is wrong with them is said at once, line by line."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from tests.support.factories import make_station
+
+from handsight.datasets import GraspDataset, InterchangeError, Outcome
+from handsight.datasets.exchange import export_dataset, import_dataset
+from handsight.datasets.format.header import station_to_json
+from handsight.servoing.planar import PlanarPose
+
+Lines = list[dict[str, Any]]
+LINES = 3
+
+
+def write_table(folder: Path, lines: Lines) -> None:
+    with (folder / "attempts.csv").open("w", newline="") as file:
+        writer = csv.DictWriter(file, fieldnames=list(lines[0]))
+        writer.writeheader()
+        writer.writerows(lines)
+
+
+def make_lines(folder: Path) -> Lines:
+    """Random pictures in the folder, and the lines of the table that name them."""
+    rng = np.random.default_rng(0)
+    (folder / "frames").mkdir(parents=True)
+    lines = []
+    for number in range(LINES):
+        names = {}
+        for view in ("overhead", "pregrasp"):
+            for name, shape, dtype in (("rgb", (6, 8, 3), np.uint8), ("depth", (6, 8), np.uint16)):
+                path = f"frames/{view}_{name}_{number}.png"
+                cv2.imwrite(str(folder / path), rng.integers(0, np.iinfo(dtype).max, shape, dtype=dtype))
+                names[f"{view}_{name}"] = path
+        poses = {
+            name: float(rng.normal())
+            for name in ("overhead_x_m", "overhead_y_m", "overhead_z_m", "overhead_angle_rad", "grasp_z_m")
+        }
+        goal = {name: float(rng.normal()) for name in ("pregrasp_x_m", "pregrasp_y_m", "pregrasp_angle_rad")}
+        rest = {"width_final_m": 0.03 * number, "target": "cup", "started_ns": 1_700_000_000_123_456_789 + number}
+        lines.append({**names, **poses, **goal, **rest})
+    lines[1] |= {"pregrasp_rgb": "", "pregrasp_depth": "", "target": "", "started_ns": ""}
+    return lines
+
+
+@pytest.fixture
+def lines(tmp_path: Path) -> Lines:
+    made = make_lines(tmp_path / "photos")
+    (tmp_path / "photos" / "station.json").write_text(json.dumps(station_to_json(make_station(source="lab"))))
+    write_table(tmp_path / "photos", made)
+    return made
+
+
+def test_pictures_and_table_become_attempts(lines: Lines, tmp_path: Path) -> None:
+    report = import_dataset(tmp_path / "photos", tmp_path / "grasps")
+    assert (report.format, report.transfer.attempts) == ("images", LINES)
+    dataset = GraspDataset.open(f"{tmp_path}/grasps")
+    assert dataset.sessions[0].status == "sealed"
+    for number, line in enumerate(lines):
+        attempt = dataset.attempt(dataset.attempts.index[number])
+        assert attempt.overhead is not None
+        bgr = cv2.imread(str(tmp_path / "photos" / line["overhead_rgb"]), cv2.IMREAD_UNCHANGED)
+        depth = cv2.imread(str(tmp_path / "photos" / line["overhead_depth"]), cv2.IMREAD_UNCHANGED)
+        assert bgr is not None
+        np.testing.assert_array_equal(attempt.overhead.rgb, bgr[:, :, ::-1])
+        np.testing.assert_array_equal(attempt.overhead.depth, depth)
+        pose = PlanarPose.from_pose_base_tool(attempt.overhead.pose_base_tool)
+        assert (pose.x_m, pose.y_m) == (line["overhead_x_m"], line["overhead_y_m"])
+        assert attempt.pose_base_tool_grasp[2, 3] == line["grasp_z_m"]
+        assert attempt.pregrasp_angle_rad == line["pregrasp_angle_rad"]
+        assert attempt.outcome is (Outcome.HELD if number else Outcome.EMPTY)
+        assert attempt.started_ns == (line["started_ns"] or 0)
+        assert (attempt.pregrasp is None, attempt.scene is None) == (number == 1, number == 1)
+    assert dataset.attempts["target"].tolist()[0] == "cup"
+
+
+def test_importing_twice_adds_nothing(lines: Lines, tmp_path: Path) -> None:
+    first = import_dataset(tmp_path / "photos", tmp_path / "grasps").transfer
+    second = import_dataset(tmp_path / "photos", tmp_path / "grasps").transfer
+    assert (len(first.sessions), second.sessions, len(second.duplicates)) == (1, (), 1)
+    with pytest.raises(InterchangeError, match="only imported"):
+        export_dataset(GraspDataset.open(f"{tmp_path}/grasps"), tmp_path / "out", format="images")
+
+
+def edited(at: int, **cells: Any) -> Callable[[Path, Lines], None]:
+    def edit(folder: Path, lines: Lines) -> None:
+        lines[at] |= cells
+        write_table(folder, lines)
+
+    return edit
+
+
+def link_out(folder: Path, lines: Lines) -> None:
+    (folder / "frames" / "link.png").symlink_to("/etc/hostname")
+    edited(0, overhead_rgb="frames/link.png")(folder, lines)
+
+
+def without_column(folder: Path, lines: Lines) -> None:
+    write_table(folder, [{key: value for key, value in line.items() if key != "grasp_z_m"} for line in lines])
+
+
+BAD: dict[str, tuple[Callable[[Path, Lines], object], str]] = {
+    "parent": (edited(0, overhead_rgb="../secret.png"), "line 2: picture '../secret.png' is not in the folder"),
+    "absolute": (edited(2, overhead_depth="/etc/hostname"), "line 4: picture '/etc/hostname' is not in the folder"),
+    "link": (link_out, "line 2: picture 'frames/link.png' is not in the folder"),
+    "no such picture": (edited(1, overhead_rgb="frames/x.png"), "line 3: picture 'frames/x.png' does not exist"),
+    "no picture": (edited(1, overhead_rgb="attempts.csv"), "line 3: picture 'attempts.csv' cannot be decoded"),
+    "depth for colours": (edited(0, overhead_rgb="frames/overhead_depth_0.png"), r"uint16 \(6, 8\), expected three"),
+    "colours for depth": (edited(0, overhead_depth="frames/overhead_rgb_0.png"), "expected one 16-bit channel"),
+    "half a pregrasp": (edited(0, pregrasp_rgb=""), "line 2: pregrasp_rgb and pregrasp_depth belong together"),
+    "no number": (edited(0, grasp_z_m="high"), "line 2: grasp_z_m is 'high', expected a number"),
+    "no width": (edited(0, width_final_m="nan"), "line 2: .*gripper.final_m is NaN"),
+    "no whole number": (edited(0, started_ns="1.5"), "line 2: started_ns is '1.5'"),
+    "target": (edited(0, target="duk"), "line 2: target 'duk' is not among"),
+    "missing column": (without_column, "columns are missing: grasp_z_m"),
+    "unknown column": (lambda folder, lines: write_table(folder, [{**one, "sucess": 1} for one in lines]), "sucess"),
+    "no lines": (lambda folder, lines: (folder / "attempts.csv").write_text("a\n"), "there are no attempts"),
+    "no station": (lambda folder, lines: (folder / "station.json").unlink(), "is no station card"),
+    "bad station": (lambda folder, lines: (folder / "station.json").write_text("[]"), "is no station card"),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_what_cannot_be_imported_is_said_and_leaves_nothing(lines: Lines, tmp_path: Path, name: str) -> None:
+    damage, message = BAD[name]
+    damage(tmp_path / "photos", lines)
+    with pytest.raises(InterchangeError, match=message):
+        import_dataset(tmp_path / "photos", tmp_path / "grasps")
+    assert [path.name for path in tmp_path.iterdir()] == ["photos"]
+
+
+def test_all_faults_are_said_at_once(lines: Lines, tmp_path: Path) -> None:
+    edited(0, grasp_z_m="high")(tmp_path / "photos", lines)
+    edited(2, target="duk")(tmp_path / "photos", lines)
+    with pytest.raises(InterchangeError, match=r"line 2: .*; line 4: "):
+        import_dataset(tmp_path / "photos", tmp_path / "grasps")

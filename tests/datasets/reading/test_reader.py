@@ -1,0 +1,290 @@
+"""What was appended comes back, whole, by every way of reading."""
+
+from __future__ import annotations
+
+import tempfile
+from itertools import chain, repeat
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+import zarr
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from tests.support.factories import OBJECTS, difference, make_attempt, make_header, record
+from zarr.codecs import Crc32cCodec
+
+from handsight.datasets import (
+    VIEWS,
+    AttemptNotFoundError,
+    CorruptDataError,
+    GraspDataset,
+    GraspRepository,
+    Outcome,
+    SessionNotFoundError,
+    SessionWriter,
+    Snapshot,
+    SnapshotNotFoundError,
+)
+from handsight.datasets.format.arrays import group_at, read_rows
+from handsight.datasets.format.rows import snapshot_of
+from handsight.datasets.format.schema import attempt_id
+
+HEADER = make_header()
+
+
+@settings(max_examples=10)
+@given(
+    seed=st.integers(0, 2**63 - 1),
+    slots=st.integers(1, 5),
+    conditions=st.sampled_from([(), ("table_friction",), ("a", "b", "c")]),
+    width=st.integers(1, 40),
+    height=st.integers(1, 30),
+    every=st.integers(1, 5),
+    scale=st.floats(1e-6, 1e-2),
+)
+def test_every_field_comes_back(
+    seed: int, slots: int, conditions: tuple[str, ...], width: int, height: int, every: int, scale: float
+) -> None:
+    header = make_header(
+        seed=seed, objects_per_scene=slots, conditions=conditions, width=width, height=height, depth_scale_m=scale
+    )
+    attempts = [make_attempt(header, number) for number in range(7)]
+    with tempfile.TemporaryDirectory() as folder:
+        writer = record(GraspRepository.create(Path(folder) / "grasps"), header, attempts, every=every)
+        dataset = GraspDataset.open(f"{folder}/grasps")
+        stored = [dataset.attempt(identity) for identity in dataset.attempts.index]
+        assert [difference(left, right) for left, right in zip(attempts, stored, strict=True)] == [None] * 7
+        assert dataset.station(writer.session) == header.station
+        assert dataset.session(dataset.attempts.index[0]).header == header
+
+
+@pytest.fixture
+def dataset(repository: GraspRepository) -> GraspDataset:
+    """Two sessions, 24 and 3 attempts of every outcome."""
+    for seed, size in ((1, 24), (2, 3)):
+        header = make_header(seed=seed)
+        record(repository, header, [make_attempt(header, number) for number in range(size)], every=5)
+    return GraspDataset.open(str(repository.path))
+
+
+def test_conditions_are_columns_of_the_table(repository: GraspRepository) -> None:
+    """Sessions may vary different things; what a session did not vary is missing there."""
+    values = {}
+    for seed, names in enumerate([("table_friction",), ("light_ambient", "table_friction"), ()]):
+        header = make_header(seed=seed, conditions=names)
+        attempts = [make_attempt(header, number) for number in range(6)]
+        session = record(repository, header, attempts).session
+        for attempt in attempts:
+            for name, value in zip(names, attempt.scene.conditions if attempt.scene else (), strict=False):
+                values[attempt_id(session, attempt.number), name] = value
+    dataset = GraspDataset.open(str(repository.path))
+    table = dataset.attempts[["light_ambient", "table_friction"]]
+    assert table.stack().dropna().to_dict() == values
+    assert dataset.table("table_friction").equals(table[["table_friction"]])
+
+
+def test_the_table_tells_what_the_attempts_tell(dataset: GraspDataset) -> None:
+    table = dataset.attempts
+    assert len(table) == 27
+    assert table.index.is_unique
+    for identity, row in table.iterrows():
+        attempt = dataset.attempt(str(identity))
+        assert identity == f"{row['session']}-{attempt.number:06d}"
+        assert row["outcome"] == attempt.outcome.name.lower()
+        assert (row["success"] is pd.NA) == (not attempt.labelled)
+        if attempt.labelled:
+            assert row["success"] == (attempt.outcome is Outcome.HELD)
+        assert (None if row["truth_held"] is pd.NA else row["truth_held"]) == attempt.truth_held
+        assert row["failure"] == attempt.failure
+        names = () if attempt.scene is None else tuple(OBJECTS[index] for index in attempt.scene.catalogue_index)
+        assert row["objects"] == names
+        assert (row["target"] == names[attempt.scene.target]) if attempt.scene else pd.isna(row["target"])
+        assert (row["overhead_taken"], row["pregrasp_taken"]) == (
+            attempt.overhead is not None,
+            attempt.pregrasp is not None,
+        )
+        pairs = [
+            ("pregrasp_x_m", attempt.pregrasp_x_m),
+            ("pregrasp_y_m", attempt.pregrasp_y_m),
+            ("pregrasp_angle_rad", attempt.pregrasp_angle_rad),
+            ("width_before_m", attempt.gripper.before_m),
+            ("width_closed_m", attempt.gripper.closed_m),
+            ("width_lifted_m", attempt.gripper.lifted_m),
+            ("width_final_m", attempt.gripper.final_m),
+            ("contact_force_n", attempt.contact_force_n),
+            ("settle_s", attempt.phase_s[0]),
+            ("shake_s", attempt.phase_s[6]),
+        ]
+        np.testing.assert_array_equal([row[name] for name, _ in pairs], [value for _, value in pairs])
+        assert row["started"].value == attempt.started_ns
+        assert row["elapsed_s"] == attempt.elapsed_ns / 1e9
+
+
+def test_an_empty_dataset_has_the_same_columns(dataset: GraspDataset, tmp_path: Path) -> None:
+    GraspRepository.create(tmp_path / "empty")
+    empty = GraspDataset.open(f"{tmp_path}/empty").attempts
+    recorded = dataset.attempts.drop(columns=list(dataset.sessions[0].header.station.conditions))
+    pd.testing.assert_series_equal(empty.dtypes, recorded.dtypes)
+    assert len(empty) == 0
+    assert empty.index.dtype == dataset.attempts.index.dtype
+
+
+def test_sessions_with_and_without_seed_share_a_table(dataset: GraspDataset) -> None:
+    rig = make_header(seed=None, source="ur10")
+    record(dataset.repository, rig, [make_attempt(rig, 0)])
+    seeds = GraspDataset.open(str(dataset.repository.path)).attempts["seed"]
+    assert seeds.dtype == "Int64"
+    assert seeds.value_counts(dropna=False).to_dict() == {1: 24, 2: 3, pd.NA: 1}
+
+
+def test_a_file_that_goes_away_while_bytes_are_counted_is_none(dataset: GraspDataset) -> None:
+    before = dataset.info().bytes
+    (dataset.repository.folder / "chunks" / "ABC#1").symlink_to("renamed since")
+    assert dataset.info().bytes == before
+
+
+def test_info_counts(dataset: GraspDataset) -> None:
+    info = dataset.info()
+    table = dataset.attempts
+    assert (info.attempts, info.sessions, info.excluded) == (27, 2, 0)
+    assert info.outcomes == {name: int((table["outcome"] == name).sum()) for name in info.outcomes}
+    assert list(info.outcomes) == ["empty", "held", "unreachable", "aborted"]
+    assert info.successes == info.outcomes["held"] == int(table["success"].sum())
+    assert sum(info.objects.values()) == int(table["target"].notna().sum())
+    assert list(info.objects) == ["apple", "bolt", "cup", "duck", "egg"]
+    assert (info.snapshot, info.digest) == (dataset.snapshot_id, dataset.digest)
+
+
+def test_info_and_the_table_read_no_pictures(repository: GraspRepository) -> None:
+    header = make_header(width=64, height=48)
+    record(repository, header, [make_attempt(header, 0, outcome=Outcome.HELD)])
+    expected = GraspDataset.open(str(repository.path)).info()
+    damaged = [chunk for chunk in (repository.folder / "chunks").iterdir() if chunk.stat().st_size > 4000]
+    assert len(damaged) == 4
+    for chunk in damaged:
+        chunk.write_bytes(bytes(chunk.stat().st_size))
+    assert GraspDataset.open(str(repository.path)).info() == expected
+
+
+@pytest.mark.parametrize("view", VIEWS)
+def test_pictures_stream_in_the_order_asked_for(dataset: GraspDataset, view: Any) -> None:
+    everything = list(dataset.snapshots(view))
+    taken = dataset.attempts.index[dataset.attempts[f"{view}_taken"]].tolist()
+    assert [identity for identity, _ in everything] == taken
+    assert 0 < len(taken) < 27
+    rng = np.random.default_rng(0)
+    for ids in (taken[::-1], taken[3:4] * 3, list(rng.permutation(taken))):
+        found = list(dataset.snapshots(view, ids))
+        assert [identity for identity, _ in found] == ids
+        for identity, snapshot in found:
+            assert difference(snapshot, snapshot_of(dataset.attempt(identity), view)) is None
+            assert difference(snapshot, dataset.snapshot(identity, view)) is None
+    assert list(dataset.snapshots(view, [])) == []
+
+
+def test_a_long_run_is_read_in_blocks(repository: GraspRepository) -> None:
+    attempts = [make_attempt(HEADER, number, outcome=Outcome.HELD) for number in range(35)]
+    record(repository, HEADER, attempts, every=35)
+    found = [snapshot for _, snapshot in GraspDataset.open(str(repository.path)).snapshots("pregrasp")]
+    for attempt, snapshot in zip(attempts, found, strict=True):
+        assert difference(attempt.pregrasp, snapshot) is None
+
+
+def test_what_is_not_there_is_named(dataset: GraspDataset) -> None:
+    session = dataset.sessions[1].ulid
+    beyond = [f"{session}-000003", f"{session}-3", f"{session}--00001", f"7{session[1:]}-000000", "nonsense", ""]
+    for identity in beyond:
+        with pytest.raises(AttemptNotFoundError):
+            dataset.attempt(identity)
+    with pytest.raises(SessionNotFoundError):
+        dataset.station("nonsense")
+    never = dataset.attempts.index[~dataset.attempts["pregrasp_taken"]]
+    with pytest.raises(SnapshotNotFoundError, match=never[0]):
+        dataset.snapshot(never[0], "pregrasp")
+    with pytest.raises(SnapshotNotFoundError, match=r"and \d+ more"):
+        dataset.snapshots("pregrasp", never)
+
+
+def test_an_open_version_does_not_move(dataset: GraspDataset) -> None:
+    writer = SessionWriter.resume(dataset.repository, make_header(seed=2))
+    writer.append(make_attempt(writer.header, 3))
+    writer.commit()
+    assert len(dataset.attempts) == 27
+    assert len(GraspDataset.open(f"{dataset.repository.path}@{dataset.snapshot_id}").attempts) == 27
+    assert len(GraspDataset.open(str(dataset.repository.path)).attempts) == 28
+
+
+def test_a_session_tells_who_recorded_it(dataset: GraspDataset) -> None:
+    session = dataset.sessions[0]
+    assert session.code.keys() == {"version", "commit", "dirty"}
+    assert session.packages.keys() >= {"python", "numpy", "zarr", "icechunk"}
+    assert len(session.config_digest) == 64
+    assert session.started.endswith("+00:00")
+    assert session.config_digest == dataset.sessions[1].config_digest
+
+
+def test_every_array_ends_its_codecs_with_a_checksum(dataset: GraspDataset) -> None:
+    root = dataset.repository.root(dataset.snapshot_id)
+    arrays = [node for _, node in root.members(max_depth=None) if isinstance(node, zarr.Array)]
+    assert len(arrays) == 2 * 24
+    for array in arrays:
+        assert isinstance(array.compressors[-1], Crc32cCodec)
+
+
+def damage_bit(path: Path, rng: np.random.Generator) -> None:
+    data = bytearray(path.read_bytes())
+    data[rng.integers(len(data))] ^= 1 << int(rng.integers(8))
+    path.write_bytes(data)
+
+
+def damage_length(path: Path, rng: np.random.Generator) -> None:
+    path.write_bytes(path.read_bytes()[: rng.integers(path.stat().st_size)])
+
+
+def damage_existence(path: Path, rng: np.random.Generator) -> None:
+    path.unlink()
+
+
+@pytest.mark.parametrize("damage", [damage_bit, damage_length, damage_existence])
+def test_damage_to_any_picture_is_found_and_its_attempt_named(repository: GraspRepository, damage: Any) -> None:
+    header = make_header(width=64, height=48)
+    attempts = [make_attempt(header, number, outcome=Outcome.HELD) for number in range(3)]
+    record(repository, header, attempts)
+    whole: dict[str, dict[str, Snapshot]] = {
+        view: dict(GraspDataset.open(str(repository.path)).snapshots(view)) for view in VIEWS
+    }
+    pictures = [chunk for chunk in (repository.folder / "chunks").iterdir() if chunk.stat().st_size > 4000]
+    assert len(pictures) == 3 * 2 * 2
+    rng = np.random.default_rng(0)
+    named = []
+    for chunk in pictures:
+        kept = chunk.read_bytes()
+        damage(chunk, rng)
+        dataset = GraspDataset.open(str(repository.path))
+        with pytest.raises(CorruptDataError, match="is damaged in row") as caught:
+            list(chain.from_iterable(dataset.snapshots(view) for view in VIEWS))
+        named.append(next(identity for identity in dataset.attempts.index if identity in str(caught.value)))
+        chunk.write_bytes(kept)
+    assert {identity: named.count(identity) for identity in named} == dict.fromkeys(whole["overhead"], 4)
+
+
+def test_damage_to_a_column_is_found(repository: GraspRepository) -> None:
+    record(repository, HEADER, [make_attempt(HEADER, number) for number in range(200)], every=200)
+    columns = list((repository.folder / "chunks").iterdir())
+    assert len(columns) >= 5
+    rng = np.random.default_rng(0)
+    for chunk in columns:
+        kept = chunk.read_bytes()
+        damage_bit(chunk, rng)
+        dataset = GraspDataset.open(str(repository.path))
+        session = dataset.repository.root(dataset.snapshot_id)[f"sessions/{dataset.sessions[0].ulid}"]
+        assert isinstance(session, zarr.Group)
+        groups = [group_at(session, name) for name in (*VIEWS, "attempts")]
+        arrays = [array for group in groups for name, array in group.arrays() if name not in ("rgb", "depth")]
+        with pytest.raises(CorruptDataError, match="is damaged in rows 0 to 199"):
+            list(map(read_rows, arrays, repeat(0), repeat(200)))
+        chunk.write_bytes(kept)
+    GraspDataset.open(str(repository.path)).info()

@@ -1,0 +1,201 @@
+"""Creation, opening, refs, releases and history, on disk."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import icechunk
+import pytest
+import zarr
+from filelock import FileLock
+from tests.support.factories import make_attempt, make_header, record
+
+from handsight.datasets import (
+    DatasetBusyError,
+    DatasetExistsError,
+    DatasetNotFoundError,
+    GraspDataset,
+    GraspRepository,
+    NotADatasetError,
+    RefNameError,
+    RefNotFoundError,
+    SchemaError,
+    SessionWriter,
+)
+from handsight.datasets.format.schema import SCHEMA_VERSION
+from handsight.datasets.store import icechunk_engine as engine
+
+
+def test_a_new_dataset_is_empty_and_leaves_nothing_beside_it(tmp_path: Path) -> None:
+    repository = GraspRepository.create(tmp_path / "deep" / "grasps")
+    assert [path.name for path in (tmp_path / "deep").iterdir()] == ["grasps"]
+    assert repository.branches().keys() == {"main"}
+    assert repository.releases() == {}
+    info = GraspDataset.open(str(repository.path)).info()
+    assert (info.attempts, info.sessions, info.ref, info.schema_version) == (0, 0, "main", SCHEMA_VERSION)
+
+
+def test_create_takes_an_empty_folder_and_refuses_any_other(tmp_path: Path) -> None:
+    (tmp_path / "empty").mkdir()
+    GraspRepository.create(tmp_path / "empty")
+    with pytest.raises(DatasetExistsError, match="already"):
+        GraspRepository.create(tmp_path / "empty")
+    (tmp_path / "file").write_text("x")
+    with pytest.raises(NotADatasetError, match="is a file"):
+        GraspRepository.create(tmp_path / "file")
+    (tmp_path / "photos").mkdir()
+    (tmp_path / "photos" / "cat.png").write_bytes(b"x")
+    with pytest.raises(NotADatasetError, match="other files"):
+        GraspRepository.create(tmp_path / "photos")
+    assert [path.name for path in (tmp_path / "photos").iterdir()] == ["cat.png"]
+
+
+def test_open_says_what_is_there_instead(tmp_path: Path) -> None:
+    with pytest.raises(DatasetNotFoundError, match="dataset init"):
+        GraspRepository.open(tmp_path / "nowhere")
+    assert not (tmp_path / "nowhere").exists()
+    (tmp_path / "file").write_text("x")
+    with pytest.raises(NotADatasetError, match="a file"):
+        GraspRepository.open(tmp_path / "file")
+    with pytest.raises(NotADatasetError, match="no dataset"):
+        GraspRepository.open(tmp_path)
+
+
+@pytest.mark.parametrize("rooted", [False, True])
+def test_a_foreign_icechunk_store_is_no_dataset(tmp_path: Path, rooted: bool) -> None:
+    store = icechunk.Repository.create(engine.storage_at(tmp_path / "other"))
+    if rooted:
+        session = store.writable_session("main")
+        zarr.create_group(session.store)
+        session.commit("somebody else's")
+    with pytest.raises(NotADatasetError):
+        GraspRepository.open(tmp_path / "other")
+
+
+def test_a_newer_schema_is_refused(repository: GraspRepository) -> None:
+    session = repository.writable("main")
+    zarr.open_group(session.store, mode="r+").update_attributes({"schema_version": SCHEMA_VERSION + 1})
+    repository.commit(session, branch="main", message="from the future")
+    newer = f"schema version {SCHEMA_VERSION + 1}, this handsight reads up to {SCHEMA_VERSION}"
+    with pytest.raises(SchemaError, match=newer):
+        GraspRepository.open(repository.path)
+
+
+def test_open_or_create(tmp_path: Path) -> None:
+    first = GraspRepository.open_or_create(tmp_path / "grasps")
+    again = GraspRepository.open_or_create(tmp_path / "grasps")
+    assert again.resolve("main") == first.resolve("main")
+
+
+def test_resolve_prefers_releases_to_branches_to_snapshots(repository: GraspRepository) -> None:
+    empty = repository.resolve("main")
+    header = make_header()
+    record(repository, header, [make_attempt(header, 0)])
+    tip = repository.resolve("main")
+    assert tip != empty
+    assert repository.resolve(empty) == empty
+    store = icechunk.Repository.open(engine.storage_at(repository.folder))
+    store.create_tag("main", empty)
+    assert repository.resolve("main") == empty
+
+
+@pytest.mark.parametrize("ref", ["v9", "0" * 20, "", "handsight.releases"])
+def test_an_unknown_ref_lists_the_known(repository: GraspRepository, ref: str) -> None:
+    repository.release("v1")
+    with pytest.raises(RefNotFoundError, match="releases: v1; branches: main"):
+        repository.resolve(ref)
+
+
+def test_a_release_names_the_very_snapshot_and_never_moves(repository: GraspRepository) -> None:
+    header = make_header()
+    writer = record(repository, header, [make_attempt(header, 0)])
+    tip = repository.resolve("main")
+    release = repository.release("v1", "main", "first look")
+    assert (release.name, release.snapshot_id, release.message) == ("v1", tip, "first look")
+    assert repository.resolve("main") == tip
+    writer.append(make_attempt(header, 1))
+    writer.commit()
+    repository.release("v2", "v1", "the same again")
+    reopened = GraspRepository.open(repository.path)
+    assert reopened.releases() == {"v1": release, "v2": repository.releases()["v2"]}
+    assert reopened.resolve("v1") == reopened.resolve("v2") == tip != reopened.resolve("main")
+    assert len(GraspDataset.open(f"{repository.path}@v1").attempts) == 1
+    assert len(GraspDataset.open(f"{repository.path}").attempts) == 2
+
+
+@pytest.mark.parametrize(
+    "name", ["", "a/b", "v@1", "-v", ".v", "v 1", "x" * 65, "0" * 20, "main", "handsight.releases"]
+)
+def test_names_a_release_cannot_take(repository: GraspRepository, name: str) -> None:
+    with pytest.raises(RefNameError):
+        repository.release(name)
+    assert repository.releases() == {}
+
+
+def test_a_release_name_is_used_once_even_when_deleted(repository: GraspRepository) -> None:
+    repository.release("v1")
+    with pytest.raises(RefNameError, match="taken"):
+        repository.release("v1")
+    icechunk.Repository.open(engine.storage_at(repository.folder)).delete_tag("v1")
+    with pytest.raises(RefNameError, match="deleted"):
+        repository.release("v1")
+    assert repository.releases() == {}
+
+
+def test_a_release_of_an_unknown_ref_changes_nothing(repository: GraspRepository) -> None:
+    with pytest.raises(RefNotFoundError):
+        repository.release("v1", "nope")
+    assert repository.releases() == {}
+    assert repository.release("v1").name == "v1"
+
+
+def test_log_tells_the_history_of_a_ref(repository: GraspRepository) -> None:
+    header = make_header()
+    writer = SessionWriter.begin(repository, header)
+    for number in range(3):
+        writer.append(make_attempt(header, number))
+    writer.commit("three")
+    repository.release("v1")
+    writer.append(make_attempt(header, 3))
+    writer.seal()
+    newest, three, created = repository.log()
+    assert [entry.attempts_added for entry in (newest, three, created)] == [1, 3, 0]
+    assert [entry.refs for entry in (newest, three, created)] == [("main",), ("v1",), ()]
+    assert three.message == "three"
+    assert writer.session in newest.message
+    assert newest.written_at > three.written_at > created.written_at
+    assert [entry.snapshot_id for entry in repository.log("v1")] == [three.snapshot_id, created.snapshot_id]
+
+
+def test_a_commit_waits_for_the_lock_and_says_who_holds_it(repository: GraspRepository) -> None:
+    header = make_header()
+    writer = SessionWriter.begin(repository, header)
+    writer.append(make_attempt(header, 0))
+    assert repository._lock is not None
+    repository._lock.timeout = 0.01
+    with (
+        FileLock(repository.folder / ".handsight" / "commit.lock"),
+        pytest.raises(DatasetBusyError, match=r"commit\.lock"),
+    ):
+        writer.commit()
+    assert repository.log()[0].attempts_added == 0
+    writer.commit()
+    assert repository.log()[0].attempts_added == 1
+
+
+def test_reading_writes_nothing(repository: GraspRepository) -> None:
+    header = make_header()
+    record(repository, header, [make_attempt(header, 0)])
+    before = {path: path.stat().st_mtime_ns for path in repository.folder.rglob("*")}
+    dataset = GraspDataset.open(str(repository.path))
+    dataset.info()
+    dataset.attempt(dataset.attempts.index[0])
+    assert {path: path.stat().st_mtime_ns for path in repository.folder.rglob("*")} == before
+
+
+def test_info_leaves_caches_out_of_the_size(repository: GraspRepository) -> None:
+    before = GraspDataset.open(str(repository.path)).info().bytes
+    assert before == sum(path.stat().st_size for path in repository.folder.rglob("*") if path.is_file())
+    (repository.folder / ".handsight").mkdir()
+    (repository.folder / ".handsight" / "cache").write_bytes(b"x" * 1000)
+    assert GraspDataset.open(str(repository.path)).info().bytes == before

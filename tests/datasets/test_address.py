@@ -1,0 +1,48 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from handsight.datasets import AddressError, DatasetAddress
+from handsight.datasets.address import S3Prefix
+
+
+@pytest.mark.parametrize(
+    ("text", "path", "ref"),
+    [
+        ("grasps", "grasps", "main"),
+        ("grasps@v1", "grasps", "v1"),
+        ("/data/grasps@v1.0-rc1", "/data/grasps", "v1.0-rc1"),
+        ("/home/me@work/grasps", "/home/me@work/grasps", "main"),
+        ("/home/me@work/grasps@v1", "/home/me@work/grasps", "v1"),
+        ("a@b@v1", "a@b", "v1"),
+        ("grasps/", "grasps", "main"),
+        ("./grasps@Y3PBDY0BM5SY52X9J2TG", "./grasps", "Y3PBDY0BM5SY52X9J2TG"),
+    ],
+)
+def test_parse(text: str, path: str, ref: str) -> None:
+    assert DatasetAddress.parse(text) == DatasetAddress(path=Path(path), ref=ref)
+
+
+@pytest.mark.parametrize("text", ["", "/", "@v1", "grasps@", "a/@v1", "a/b@@", "https://x/y@v1", "gs://bucket/grasps"])
+def test_text_that_is_no_address_is_refused(text: str) -> None:
+    with pytest.raises(AddressError, match="dataset address"):
+        DatasetAddress.parse(text)
+
+
+def test_str_can_be_parsed_again() -> None:
+    for path in (Path("/a@b/grasps"), S3Prefix(bucket="lab-data", prefix="week/grasps")):
+        address = DatasetAddress(path=path, ref="v1")
+        assert DatasetAddress.parse(str(address)) == address
+
+
+@pytest.mark.parametrize("text", ["s3://bucket/a/b@v1", str(Path("s3://bucket/a/b@v1"))])
+def test_a_place_in_a_bucket(text: str) -> None:
+    assert DatasetAddress.parse(text) == DatasetAddress(path=S3Prefix(bucket="bucket", prefix="a/b"), ref="v1")
+
+
+@pytest.mark.parametrize("text", ["s3://bucket", "s3:///grasps", "s3://Bucket/a", "s3://bucket/a/../b", "s3://b@v1"])
+def test_a_bucket_needs_a_sound_name_and_prefix(text: str) -> None:
+    with pytest.raises(AddressError, match="expected a folder or s3://BUCKET/PREFIX"):
+        DatasetAddress.parse(text)

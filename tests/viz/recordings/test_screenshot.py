@@ -1,0 +1,64 @@
+"""Recordings in the real viewer, without a window: every view draws, and reports nothing."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from tests.support.rrd import colours, read_picture
+
+from handsight.evaluation.trial import TrialRecording
+from handsight.viz.errors import NoVulkanError, ScreenshotError
+from handsight.viz.examples import HeatmapExample
+from handsight.viz.recordings.heatmaps import write_heatmaps
+from handsight.viz.recordings.screenshot import save_screenshots
+
+
+def shoot(recording: Path, shots: dict[int, Path], timeline: str) -> list[NDArray[Any]]:
+    try:
+        save_screenshots(recording, shots, timeline=timeline)
+    except NoVulkanError as error:
+        pytest.skip(str(error))
+    return [read_picture(path) for path in shots.values()]
+
+
+def test_a_servo_trace_draws_at_its_first_and_last_step(
+    trace_path: Path, trial: TrialRecording, tmp_path: Path
+) -> None:
+    last = len(trial.trace.steps) - 1
+    first_picture, last_picture = shoot(
+        trace_path, {0: tmp_path / "first.png", last: tmp_path / "last.png"}, "servo_step"
+    )
+    for picture in (first_picture, last_picture):
+        height, width = picture.shape[:2]
+        # Scene, pictures and plots each lie in a part of their own: none of them may be blank.
+        upper, lower = picture[: int(0.62 * height)], picture[int(0.68 * height) :]
+        assert colours(upper[:, : width // 3]) > 500
+        assert colours(upper[:, int(0.4 * width) : int(0.7 * width)]) > 2000
+        assert colours(upper[:, int(0.78 * width) :]) > 500
+        assert colours(lower) > 100
+    assert np.abs(first_picture.astype(int) - last_picture).mean() > 1
+
+
+def test_heatmaps_draw(examples: list[HeatmapExample], tmp_path: Path) -> None:
+    write_heatmaps(tmp_path / "heatmaps.rrd", examples)
+    (picture,) = shoot(tmp_path / "heatmaps.rrd", {1: tmp_path / "shot.png"}, "example")
+    assert colours(picture) > 3000
+
+
+def test_without_a_driver_the_package_to_install_is_named(
+    trace_path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for variable in ("VK_ICD_FILENAMES", "VK_DRIVER_FILES"):
+        monkeypatch.setenv(variable, str(tmp_path / "no-driver.json"))
+    with pytest.raises(NoVulkanError, match="apt-get install mesa-vulkan-drivers"):
+        save_screenshots(trace_path, {0: tmp_path / "shot.png"}, timeline="servo_step")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_missing_recording_is_reported(tmp_path: Path) -> None:
+    with pytest.raises(ScreenshotError, match=r"expected an \.rrd file"):
+        save_screenshots(tmp_path / "none.rrd", {}, timeline="servo_step")

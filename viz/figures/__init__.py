@@ -1,0 +1,1 @@
+"""Figures for documents and reports, drawn with matplotlib or pixel by pixel."""

@@ -1,0 +1,78 @@
+"""Fonts and ink of every figure, and how figures are written.
+
+The same content gives the same bytes: files carry neither dates nor versions.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Final
+
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from handsight.viz.errors import FigureError
+
+BAR_COLOURS: Final = ("#3f6ea3", "#6f8f4e", "#8a6bab", "#b0763c")
+"""One per object set, in order of appearance; all dark enough for white numbers."""
+INK: Final = "#22272e"
+
+STYLE: Final[dict[Any, Any]] = {
+    "font.family": "DejaVu Sans",
+    "font.size": 10,
+    "axes.edgecolor": INK,
+    "axes.labelcolor": INK,
+    "text.color": INK,
+    "xtick.color": INK,
+    "ytick.color": INK,
+    # Text stays text, so that an SVG can be searched; ids are drawn from the content, not at random.
+    "svg.fonttype": "none",
+    "svg.hashsalt": "handsight",
+}
+
+
+def save_figure(figure: Figure, path: Path) -> tuple[Path, Path]:
+    """Write a figure as ``.png`` and ``.svg``, without dates and versions.
+
+    Raises:
+        FigureError: the folder does not exist.
+    """
+    return save_png(figure, path.with_suffix(".png")), save_svg(figure, path.with_suffix(".svg"))
+
+
+def save_png(figure: Figure, path: Path) -> Path:
+    """Write a figure as PNG, without dates and versions.
+
+    Raises:
+        FigureError: the folder does not exist.
+    """
+    check_figure_path(path)
+    FigureCanvasAgg(figure)
+    figure.savefig(path, format="png", metadata={"Software": None})
+    return path
+
+
+def save_svg(figure: Figure, path: Path) -> Path:
+    """Write a figure as SVG, without dates and versions.
+
+    Raises:
+        FigureError: the folder does not exist.
+    """
+    check_figure_path(path)
+    figure.savefig(path, format="svg", metadata={"Date": None, "Creator": None})
+    return path
+
+
+def check_figure_path(path: Path, *suffixes: str) -> None:
+    """Refuse a place where no figure can be written, before it is made.
+
+    Raises:
+        FigureError: the folder does not exist, a folder is there, or the name ends in none of the suffixes, if any
+            are given.
+    """
+    if path.is_dir() or not path.parent.is_dir():
+        raise FigureError(f"cannot write a figure to {str(path)!r}, expected a file name in an existing folder")
+    if suffixes and path.suffix.lower() not in suffixes:
+        raise FigureError(
+            f"cannot write a figure to {str(path)!r}, expected a name that ends in {' or '.join(suffixes)}"
+        )

@@ -1,0 +1,1 @@
+"""Recordings for the Rerun viewer. The only place that imports Rerun."""

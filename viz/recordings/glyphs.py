@@ -1,0 +1,113 @@
+"""The marks drawn over pictures and into the scene: jaws, arrows, labels."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import rerun as rr
+
+from handsight.viz.palette import OUTLINE, STEEL, Rgb
+from handsight.viz.pixels import FINGER_HALF_WIDTH_M, PictureFrame, Step
+
+STAY: Step = (0.0, 0.0, 0.0)
+
+JAWS_ORDER, ARROW_ORDER, LABEL_ORDER = 30.0, 40.0, 50.0
+"""Draw orders over picture (0), overlay (10) and samples (20)."""
+
+FINGER_UI = 2.2
+CLOSING_UI = 0.9
+OUTLINE_UI = 1.3
+"""Line radii in points of the screen, so that marks stay legible in small views."""
+
+LABEL_GAP_PX = 4.0
+LABEL_HEIGHT_PX = 40.0
+"""Raw pixels that a label takes in the main view."""
+LABEL_MARGIN_PX = 80.0
+LABEL_COLOUR: Rgb = (255, 255, 255)
+"""Coloured text is hard to read on the viewer's translucent labels; the jaws carry the colour."""
+
+FINGER_HALF_THICKNESS_M = 0.006
+FINGER_LENGTH_M = 0.05
+PALM_HALF_SIZE_M = (0.052, 0.011, 0.011)
+
+
+def log_jaws(
+    recording: rr.RecordingStream, path: str, frame: PictureFrame, step: Step, *, width_m: float, colour: Rgb
+) -> None:
+    """Log the jaws as they would stand after ``step``, outlined in black so that they show on any picture."""
+    strips = frame.jaws(step, width_m)
+    radii = np.array([FINGER_UI, FINGER_UI, CLOSING_UI])
+    # In one entity the outline would be blended with its line: two entities, two draw orders.
+    recording.log(
+        f"{path}/outline",
+        rr.LineStrips2D(strips, colors=[OUTLINE], radii=rr.Radius.ui_points(radii + OUTLINE_UI), draw_order=JAWS_ORDER),
+    )
+    recording.log(
+        f"{path}/line",
+        rr.LineStrips2D(strips, colors=[colour], radii=rr.Radius.ui_points(radii), draw_order=JAWS_ORDER + 1),
+    )
+
+
+def log_arrow(recording: rr.RecordingStream, path: str, frame: PictureFrame, step: Step, *, colour: Rgb) -> None:
+    """Log an arrow from the grasp point now to the grasp point after ``step``."""
+    origin, tip = frame.points([(0.0, 0.0), step[:2]])
+    recording.log(
+        path,
+        rr.Arrows2D(
+            origins=[origin],
+            vectors=[tip - origin],
+            colors=[colour],
+            radii=rr.Radius.ui_points([2.6]),
+            draw_order=ARROW_ORDER,
+        ),
+    )
+
+
+def log_label(
+    recording: rr.RecordingStream,
+    path: str,
+    frame: PictureFrame,
+    steps: Sequence[Step],
+    text: str,
+    *,
+    width_m: float,
+) -> None:
+    """Log a text under the jaws after each of ``steps``, or over them where the picture ends.
+
+    It is centred on the last of them.
+    """
+    rows_px = np.concatenate([strip for step in steps for strip in frame.jaws(step, width_m)])[:, 1]
+    column_px = frame.points(steps)[-1, 0]
+    height_px = frame.camera.intrinsics.height
+    below_px = rows_px.max() + LABEL_GAP_PX
+    row_px = below_px if below_px + LABEL_HEIGHT_PX <= height_px else rows_px.min() - LABEL_GAP_PX - LABEL_HEIGHT_PX
+    margin_px = min(LABEL_MARGIN_PX, 0.5 * frame.camera.intrinsics.width)
+    column_px = np.clip(column_px, margin_px, frame.camera.intrinsics.width - margin_px)
+    recording.log(
+        path,
+        rr.Points2D(
+            [[column_px, max(row_px, 0.0)]],
+            radii=[0.0],
+            colors=[LABEL_COLOUR],
+            labels=[text],
+            show_labels=True,
+            draw_order=LABEL_ORDER,
+        ),
+    )
+
+
+def gripper_boxes(stroke_m: float, *, colour: Rgb = STEEL) -> rr.Boxes3D:
+    """Palm and open fingers in the tool frame: origin between the fingertips, x closing, z approach."""
+    finger_x_m = 0.5 * stroke_m + FINGER_HALF_THICKNESS_M
+    finger = (FINGER_HALF_THICKNESS_M, FINGER_HALF_WIDTH_M, 0.5 * FINGER_LENGTH_M)
+    return rr.Boxes3D(
+        centers=[
+            (-finger_x_m, 0.0, -0.5 * FINGER_LENGTH_M),
+            (finger_x_m, 0.0, -0.5 * FINGER_LENGTH_M),
+            (0.0, 0.0, -FINGER_LENGTH_M - PALM_HALF_SIZE_M[2]),
+        ],
+        half_sizes=[finger, finger, PALM_HALF_SIZE_M],
+        colors=[colour],
+        fill_mode="solid",
+    )
