@@ -118,7 +118,7 @@ def test_an_attempt_that_always_kills_its_worker_ends_the_session(whole: Path, t
 def doomed_collection(folder: Path, *, deaths: int) -> tuple[str, int]:
     """What the program of that name prints, and how often a worker of it was killed."""
     (folder / "marks").mkdir()
-    program = Path(__file__).with_name("doomed_collection.py")
+    program = Path(__file__).parents[1] / "support" / "doomed_collection.py"
     command = [sys.executable, "-P", str(program), str(folder / "grasps"), str(folder / "marks"), str(deaths)]
     program_run = subprocess.run(command, check=True, capture_output=True, text=True, timeout=200)
     return program_run.stdout.strip(), len(list((folder / "marks").iterdir()))

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-TESTS = Path(__file__).parent
+TESTS = Path(__file__).parents[1]
 
 SKIPPED_BY_MARK = "import pytest\n@pytest.mark.skip(reason='no such device')\ndef test_it(): pass\n"
 SKIPPED_WHEN_RUN = "import pytest\ndef test_it(): pytest.skip('no such device')\n"

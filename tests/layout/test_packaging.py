@@ -18,7 +18,7 @@ from packaging.utils import canonicalize_name
 
 import handsight
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
 FOLDERS = sorted(path.name for path in (ROOT / "src" / "handsight").iterdir() if path.is_symlink())
 NEVER_SHIPPED = ("__pycache__", ".DS_Store")

@@ -32,7 +32,7 @@ from handsight.datasets.exchange.commands import import_dataset
 from handsight.datasets.exchange.merge import merge
 from handsight.datasets.format.schema import SCHEMA_VERSION
 
-GOLDEN = Path(__file__).parent / "golden"
+GOLDEN = Path(__file__).parents[1] / "scenarios" / "golden"
 OLDER = range(1, SCHEMA_VERSION)
 
 

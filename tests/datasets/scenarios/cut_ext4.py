@@ -27,7 +27,7 @@ from subprocess import PIPE, Popen
 
 from handsight.datasets import DatasetError, GraspDataset, GraspRepository, verify
 
-FACTORIES = Path(__file__).with_name("factories.py")
+FACTORIES = Path(__file__).parents[2] / "support" / "factories.py"
 UNSYNCED = """
 import runpy, sys
 from handsight.datasets import engine, refs, repository

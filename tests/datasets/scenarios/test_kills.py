@@ -59,7 +59,9 @@ def test_a_writer_killed_at_random_loses_nothing_acknowledged(tmp_path: Path) ->
     """HANDSIGHT_KILLS sets how many writers are killed."""
     path = tmp_path / "killed"
     GraspRepository.create(path)
-    program = KILLER.format(tests=str(Path(__file__).parent), path=str(path), kills=KILLS, per_session=PER_SESSION)
+    program = KILLER.format(
+        tests=str(Path(__file__).parents[2] / "support"), path=str(path), kills=KILLS, per_session=PER_SESSION
+    )
     acknowledged: dict[int, int] = {}
     lost = []
     command = [sys.executable, "-P", "-c", program]
@@ -88,7 +90,7 @@ def test_a_writer_killed_at_random_loses_nothing_acknowledged(tmp_path: Path) ->
 def test_eight_writers_at_once_lose_nothing(tmp_path: Path) -> None:
     path = tmp_path / "shared"
     GraspRepository.create(path)
-    program = Path(__file__).with_name("factories.py")
+    program = Path(__file__).parents[2] / "support" / "factories.py"
     size = 9
     command = [sys.executable, "-P", str(program), str(path)]
     writers = [

@@ -14,7 +14,7 @@ from tests.support.factories import make_attempt, make_header, record
 
 from handsight.datasets import GraspDataset, GraspRepository, SessionConflictError, SessionWriter
 
-PROGRAM = Path(__file__).with_name("factories.py")
+PROGRAM = Path(__file__).parents[2] / "support" / "factories.py"
 EVERY = 3
 
 

@@ -32,7 +32,7 @@ from handsight.datasets.reading.selection import Selection
 from handsight.datasets.store.releases import LEDGER_BRANCH
 from handsight.servoing.homography import InputGrid
 
-PROGRAM = Path(__file__).with_name("factories.py")
+PROGRAM = Path(__file__).parents[2] / "support" / "factories.py"
 ADDRESS = "s3://lab/week/grasps"
 
 
