@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from handsight.datasets import PHASES, GraspAttempt, GripperReadings, Outcome, SessionHeader, Snapshot
+from handsight.datasets import PHASES, GraspAttempt, GripperReadings, Outcome, RgbdFrame, SessionHeader
 
 _SHAPES = 8
 
@@ -39,7 +39,7 @@ def _attempt(header: SessionHeader, number: int, rng: np.random.Generator) -> Gr
     )
 
 
-def _snapshot(header: SessionHeader, rng: np.random.Generator, *, height_m: float) -> Snapshot:
+def _snapshot(header: SessionHeader, rng: np.random.Generator, *, height_m: float) -> RgbdFrame:
     intrinsics = header.station.camera.intrinsics
     size = (intrinsics.width, intrinsics.height)
     coarse = rng.integers(90, 140, (intrinsics.height // 16, intrinsics.width // 16, 3), dtype=np.uint8)
@@ -55,7 +55,7 @@ def _snapshot(header: SessionHeader, rng: np.random.Generator, *, height_m: floa
     rgb += rng.integers(-2, 3, rgb.shape, dtype=np.int16)
     depth += rng.normal(0, 0.7, depth.shape)
     depth[rng.random(depth.shape) < 0.01] = 0
-    return Snapshot(
+    return RgbdFrame(
         rgb=np.clip(rgb, 0, 255).astype(np.uint8),
         depth=np.clip(np.round(depth), 0, 65535).astype(np.uint16),
         pose_base_tool=np.eye(4),

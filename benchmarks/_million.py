@@ -11,7 +11,7 @@ from ulid import ULID
 
 from handsight.datasets import GraspRepository, Outcome, SessionHeader, StationCard
 from handsight.datasets.format.arrays import append_rows, array_at, group_at
-from handsight.datasets.format.schema import COLUMNS, PACKED_CHUNK_ROWS, SESSIONS, VIEWS, Slots, create_arrays
+from handsight.datasets.format.schema import COLUMNS, PACKED_CHUNK_ROWS, SESSIONS, VIEWPOINTS, Slots, create_arrays
 from handsight.datasets.format.sessions import new_session_attributes, sealed_attributes
 from handsight.servoing.camera import HandCamera, Intrinsics
 
@@ -55,9 +55,9 @@ def write_million(path: Path, *, sessions: int = 20, attempts: int = 50_000) -> 
         create_arrays(group, header, column_rows=PACKED_CHUNK_ROWS)
         for name, values in _columns(attempts, rng).items():
             append_rows(array_at(group, f"attempts/{name}"), values)
-        for view in VIEWS:
+        for viewpoint in VIEWPOINTS:
             for name in ("rgb", "depth", "pose_base_tool"):
-                array = array_at(group, f"{view}/{name}")
+                array = array_at(group, f"{viewpoint}/{name}")
                 array.resize((attempts, *array.shape[1:]))
         repository.commit(
             change, branch="main", message=f"record session {seed}", metadata={"attempts_added": attempts}

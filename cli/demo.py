@@ -117,7 +117,7 @@ def _train(paths: DemoPaths, release: str, settings: TrainSettings) -> None:
     address = f"{paths.dataset}@{release}"
     dataset = GraspDataset.open(address)
     if not (paths.run / CARD).exists() or load_run(paths.run).origin.digest != dataset.digest:
-        train_to_folder(dataset, address, paths.run, settings, view="overhead")
+        train_to_folder(dataset, address, paths.run, settings, viewpoint="overhead")
     held_out = Metrics(**load_run(paths.run).card["history"][-1]["held_out"])
     console.print(f"   {paths.run}: {describe(held_out)}")
 

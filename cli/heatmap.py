@@ -64,9 +64,9 @@ def heatmap_examples(
     scorer = run.scorer()
     examples = []
     with progress_bar("heatmaps", len(attempts)) as bar:
-        for key, snapshot in dataset.snapshots("overhead", attempts):
+        for key, frame in dataset.frames("overhead", attempts):
             card = dataset.station(key)
-            view = station_view(snapshot, card)
+            view = station_view(frame, card)
             heatmap = grasp_heatmap(view, scorer, grid=run.grid, spacing_px=spacing_px)
             examples.append(
                 HeatmapExample(title=key, view=view, heatmap=heatmap, grid=run.grid, jaws_m=card.gripper_stroke_m)

@@ -24,7 +24,7 @@ def train_command(
     channels: Annotated[Literal["rgbd", "rgb", "depth"], typer.Option(help="What the network reads.")] = "rgbd",
     epochs: Annotated[int, typer.Option(help="Passes over the data.")] = 20,
     batch: Annotated[int, typer.Option(help="Inputs per step.")] = 200,
-    view: Annotated[
+    viewpoint: Annotated[
         Literal["overhead", "pregrasp"], typer.Option(help="Picture that is warped to the grasp.")
     ] = "overhead",
     seed: Seed = 0,
@@ -32,7 +32,7 @@ def train_command(
 ) -> None:
     """Train a network on a version of a dataset (section V-A)."""
     settings = TrainSettings(network=GqnConfig(channels=channels), epochs=epochs, batch=batch, seed=seed)
-    final = train_to_folder(GraspDataset.open(dataset), dataset, out, settings, view=view)
+    final = train_to_folder(GraspDataset.open(dataset), dataset, out, settings, viewpoint=viewpoint)
     if as_json:
         print_json({"run": out, "epoch": final})
     else:
@@ -49,12 +49,12 @@ def describe(held_out: Metrics) -> str:
 
 
 def train_to_folder(
-    dataset: GraspDataset, name: str, out: Path, settings: TrainSettings, *, view: Literal["overhead", "pregrasp"]
+    dataset: GraspDataset, name: str, out: Path, settings: TrainSettings, *, viewpoint: Literal["overhead", "pregrasp"]
 ) -> Epoch:
     """Materialise, train and save behind progress bars; returns the last epoch."""
     check_run_folder(out)
     grid = InputGrid(size_px=settings.network.size_px)
-    data = _materialize(dataset, view, grid)
+    data = _materialize(dataset, viewpoint, grid)
     with progress_bar("train", settings.epochs) as bar:
         network, history = train(data, settings, on_epoch=lambda epoch: bar.advance(f"loss {epoch.train_loss:.3f}"))
     origin = DataOrigin(
@@ -62,13 +62,13 @@ def train_to_folder(
         ref=dataset.ref,
         snapshot=dataset.snapshot_id,
         digest=dataset.digest,
-        view=view,
+        view=viewpoint,
         attempts=len(data.attempts),
     )
     save_run(out, network, origin=origin, grid=grid, settings=settings, history=history)
     return history[-1]
 
 
-def _materialize(dataset: GraspDataset, view: Literal["overhead", "pregrasp"], grid: InputGrid) -> GraspInputs:
+def _materialize(dataset: GraspDataset, viewpoint: Literal["overhead", "pregrasp"], grid: InputGrid) -> GraspInputs:
     with progress_bar("warp", len(dataset.attempts)) as bar:
-        return materialize(dataset, view=view, grid=grid, on_attempt=bar.advance)
+        return materialize(dataset, viewpoint=viewpoint, grid=grid, on_attempt=bar.advance)

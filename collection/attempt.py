@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from handsight.collection.errors import PhaseError, UnreachableError
 from handsight.collection.policy import PregraspPolicy
 from handsight.collection.station import Station
-from handsight.datasets.records import PHASES, GraspAttempt, GripperReadings, Outcome, SceneObjects, Snapshot
+from handsight.datasets.records import PHASES, GraspAttempt, GripperReadings, Outcome, RgbdFrame, SceneObjects
 from handsight.servoing.planar import PlanarPose
 
 NOT_MEASURED = float("nan")
@@ -48,8 +48,8 @@ class AttemptProgress:
 
     station: Station
     scene: SceneObjects | None = None
-    overhead: Snapshot | None = None
-    pregrasp: Snapshot | None = None
+    overhead: RgbdFrame | None = None
+    pregrasp: RgbdFrame | None = None
     pose: PlanarPose = field(
         default_factory=lambda: PlanarPose(x_m=NOT_MEASURED, y_m=NOT_MEASURED, angle_rad=NOT_MEASURED)
     )

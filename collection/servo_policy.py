@@ -98,8 +98,8 @@ def servo_on_station(
     """
 
     def look() -> tuple[View, PlanarPose]:
-        snapshot = station.look()
-        return station_view(snapshot, station.card), PlanarPose.from_pose_base_tool(snapshot.pose_base_tool)
+        frame = station.look()
+        return station_view(frame, station.card), PlanarPose.from_pose_base_tool(frame.pose_base_tool)
 
     def move(pose: PlanarPose) -> bool:
         try:

@@ -13,7 +13,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from handsight.datasets.records import SceneObjects, Snapshot, StationCard
+from handsight.datasets.records import RgbdFrame, SceneObjects, StationCard
 from handsight.servoing.planar import PlanarPose
 
 
@@ -66,7 +66,7 @@ class Station(Protocol):
         A simulated station drops fresh objects and returns where they came to rest; a rig homes and returns None.
         """
 
-    def look(self) -> Snapshot:
+    def look(self) -> RgbdFrame:
         """Take an RGB-D picture from where the camera is."""
 
     def reach(self, pose: PlanarPose) -> None:

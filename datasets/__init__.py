@@ -32,6 +32,7 @@ from handsight.datasets.errors import (
     DatasetNotFoundError,
     FoldsError,
     ForkedProcessError,
+    FrameNotFoundError,
     HeaderError,
     InterchangeError,
     ListingError,
@@ -45,12 +46,11 @@ from handsight.datasets.errors import (
     SchemaError,
     SessionConflictError,
     SessionNotFoundError,
-    SnapshotNotFoundError,
     StorageError,
     UnknownNameError,
     WhereError,
 )
-from handsight.datasets.format.schema import VIEWS, View
+from handsight.datasets.format.schema import VIEWPOINTS, Viewpoint
 from handsight.datasets.format.sessions import SessionInfo
 from handsight.datasets.integrity.maintenance import ExpiryReport, GarbageReport, collect_garbage, expire
 from handsight.datasets.integrity.migrate import Migration, migrate
@@ -65,9 +65,9 @@ from handsight.datasets.records import (
     GraspAttempt,
     GripperReadings,
     Outcome,
+    RgbdFrame,
     SceneObjects,
     SessionHeader,
-    Snapshot,
     StationCard,
 )
 from handsight.datasets.store.branches import create_branch, delete_branch
@@ -78,7 +78,7 @@ from handsight.datasets.writing.writer import SessionWriter
 
 __all__ = [
     "PHASES",
-    "VIEWS",
+    "VIEWPOINTS",
     "AddressError",
     "AttemptNotFoundError",
     "Balance",
@@ -124,14 +124,14 @@ __all__ = [
     "SessionInfo",
     "SessionNotFoundError",
     "SessionWriter",
-    "Snapshot",
-    "SnapshotNotFoundError",
+    "RgbdFrame",
+    "FrameNotFoundError",
     "StationCard",
     "StorageError",
     "UnknownNameError",
     "VerifyReport",
     "VersionDiff",
-    "View",
+    "Viewpoint",
     "WhereError",
     "collect_garbage",
     "create_branch",

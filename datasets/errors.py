@@ -9,7 +9,7 @@ DatasetError
 ├── RefNotFoundError (LookupError)             no release, branch or snapshot of that name
 ├── RefNameError (ValueError)                  a name that a release cannot take
 ├── AttemptNotFoundError (LookupError)         no such attempt in this version of the dataset
-├── SnapshotNotFoundError (LookupError)        the attempt exists, the picture was never taken
+├── FrameNotFoundError (LookupError)        the attempt exists, the picture was never taken
 ├── SessionNotFoundError (LookupError)         no such session in this version of the dataset
 ├── SessionConflictError (ValueError)          a session that exists already, or that another process continued
 ├── HeaderError (ValueError)                   a session header that cannot be recorded
@@ -18,7 +18,7 @@ DatasetError
 ├── ListingError (ValueError)                  columns, an order or a limit that no listing can have
 ├── CurationError (ValueError)                 a decision that cannot be recorded
 ├── FoldsError (ValueError)                    folds that cannot be made, or that leak
-├── UnknownNameError (LookupError)             no saved view, folds or decision of that name
+├── UnknownNameError (LookupError)             no saved filter, folds or decision of that name
 ├── NoTrainingDataError (ValueError)           a version from which no network input can be made
 ├── LoaderStateError (ValueError)              the state of a loader of other batches
 ├── InterchangeError (ValueError)              a foreign file that cannot be imported, or a place to export to
@@ -68,7 +68,7 @@ class AttemptNotFoundError(DatasetError, LookupError):
     """This version of the dataset holds no such attempt."""
 
 
-class SnapshotNotFoundError(DatasetError, LookupError):
+class FrameNotFoundError(DatasetError, LookupError):
     """The attempt exists, but that picture was never taken."""
 
 
@@ -105,7 +105,7 @@ class FoldsError(DatasetError, ValueError):
 
 
 class UnknownNameError(DatasetError, LookupError):
-    """The version holds no saved view, folds or decision of that name."""
+    """The version holds no saved filter, folds or decision of that name."""
 
 
 class NoTrainingDataError(DatasetError, ValueError):

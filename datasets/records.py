@@ -32,7 +32,7 @@ class Outcome(IntEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Snapshot:
+class RgbdFrame:
     """One RGB-D picture, aligned pixel to pixel, and where it was taken."""
 
     rgb: NDArray[np.uint8]
@@ -104,9 +104,9 @@ class GraspAttempt:
     outcome: Outcome
     failure: str
     """Empty, or ``phase: reason`` for UNREACHABLE and ABORTED."""
-    overhead: Snapshot | None
+    overhead: RgbdFrame | None
     """The view from the pre-set pose, 0.5 m above the table; None when the attempt ended before it."""
-    pregrasp: Snapshot | None
+    pregrasp: RgbdFrame | None
     """The view from the pre-grasp pose; None when it was not asked for or never reached."""
     pregrasp_x_m: float
     pregrasp_y_m: float

@@ -18,7 +18,7 @@ from handsight.collection.errors import PhaseError
 from handsight.collection.policy import UniformPolicy
 from handsight.collection.servo_policy import servo_on_station
 from handsight.collection.station import Station
-from handsight.datasets.records import SceneObjects, Snapshot, StationCard
+from handsight.datasets.records import RgbdFrame, SceneObjects, StationCard
 from handsight.servoing.loop import ServoSettings, ServoTrace
 from handsight.servoing.methods.registry import METHODS
 from handsight.servoing.objective import ScoreInputs
@@ -49,7 +49,7 @@ class TrialRecording:
     trace: ServoTrace
     station: StationCard
     scene: SceneObjects | None
-    overhead: Snapshot
+    overhead: RgbdFrame
 
 
 def run_trial(

@@ -1,4 +1,4 @@
-"""``handsight dataset exclude|restore|relabel|undo|decisions|view|folds``: what a curator decides."""
+"""``handsight dataset exclude|restore|relabel|undo|decisions|filter|folds``: what a curator decides."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from handsight.cli.output import console, print_json, print_table
 from handsight.datasets.address import DatasetAddress
 from handsight.datasets.curation.curator import Curator
 from handsight.datasets.curation.folds import Folds, Grouping, fold_names, make_folds, read_folds
-from handsight.datasets.curation.saved_views import forget_view, save_view
+from handsight.datasets.curation.saved_filters import forget_filter, save_filter
 from handsight.datasets.format.decisions import Decision
-from handsight.datasets.format.saved_views import read_views
+from handsight.datasets.format.saved_filters import read_filters
 from handsight.datasets.reading.reader import GraspDataset
 from handsight.datasets.reading.selection import Selection, matches
 from handsight.datasets.store.repository import GraspRepository
@@ -25,7 +25,7 @@ Ids = Annotated[list[str] | None, typer.Argument(metavar="[ID]...", help="Attemp
 Where = Annotated[
     str, typer.Option("--where", metavar="EXPRESSION", help="Attempts for which this holds: \"target == 'cup'\".")
 ]
-View = Annotated[str, typer.Option("--view", metavar="NAME", help="Attempts of a saved view.")]
+Filter = Annotated[str, typer.Option("--filter", metavar="NAME", help="Attempts of a saved filter.")]
 Reason = Annotated[str, typer.Option("--reason", "-m", help="Why; kept with the decision.")]
 Author = Annotated[
     str, typer.Option("--author", envvar="HANDSIGHT_AUTHOR", help="Who decides.", show_default="the user's name")
@@ -40,7 +40,7 @@ def register(app: typer.Typer) -> None:
     app.command("relabel")(relabel)
     app.command("undo")(undo)
     app.command("decisions")(decisions)
-    app.command("view")(view)
+    app.command("filter")(filter_command)
     app.command("folds")(folds)
 
 
@@ -50,13 +50,13 @@ def exclude(
     *,
     reason: Reason,
     where: Where = "",
-    view: View = "",
+    filter: Filter = "",
     author: Author = "",
     dry_run: DryRun = False,
     as_json: Json = False,
 ) -> None:
     """Keep attempts out of training; nothing is deleted, and 'restore' or 'undo' takes them back."""
-    decided = _curator(dataset, author).exclude(_selection(ids, where, view), reason, dry_run=dry_run)
+    decided = _curator(dataset, author).exclude(_selection(ids, where, filter), reason, dry_run=dry_run)
     _report("excluded", decided, dry_run=dry_run, as_json=as_json)
 
 
@@ -66,13 +66,13 @@ def restore(
     *,
     reason: Reason,
     where: Where = "",
-    view: View = "",
+    filter: Filter = "",
     author: Author = "",
     dry_run: DryRun = False,
     as_json: Json = False,
 ) -> None:
     """Take excluded attempts back in."""
-    decided = _curator(dataset, author).restore(_selection(ids, where, view), reason, dry_run=dry_run)
+    decided = _curator(dataset, author).restore(_selection(ids, where, filter), reason, dry_run=dry_run)
     _report("restored", decided, dry_run=dry_run, as_json=as_json)
 
 
@@ -85,7 +85,7 @@ def relabel(
     ],
     reason: Reason,
     where: Where = "",
-    view: View = "",
+    filter: Filter = "",
     author: Author = "",
     dry_run: DryRun = False,
     as_json: Json = False,
@@ -93,7 +93,7 @@ def relabel(
     """Correct labels; the recorded ones are kept."""
     if label not in ("success", "failure", "recorded"):
         raise typer.BadParameter(f"the label is {label!r}, expected success, failure or recorded", param_hint="--to")
-    curator, which = _curator(dataset, author), _selection(ids, where, view)
+    curator, which = _curator(dataset, author), _selection(ids, where, filter)
     if label == "recorded":
         decided = curator.unlabel(which, reason, dry_run=dry_run)
     else:
@@ -137,12 +137,12 @@ def decisions(dataset: Dataset, as_json: Json = False) -> None:
     print_table(("decision", "decided (UTC)", "what", "attempts", "author", "reason"), rows)
 
 
-def view(
+def filter_command(
     dataset: Dataset,
-    name: Annotated[str, typer.Argument(help="View to save or to delete; without it, all are listed.")] = "",
+    name: Annotated[str, typer.Argument(help="Filter to save or to delete; without it, all are listed.")] = "",
     where: Where = "",
-    delete: Annotated[bool, typer.Option("--delete", help="Forget the view.")] = False,
-    replace: Annotated[bool, typer.Option("--replace", help="Give an existing view another expression.")] = False,
+    delete: Annotated[bool, typer.Option("--delete", help="Forget the filter.")] = False,
+    replace: Annotated[bool, typer.Option("--replace", help="Give an existing filter another expression.")] = False,
     author: Author = "",
     as_json: Json = False,
 ) -> None:
@@ -150,13 +150,13 @@ def view(
     address = DatasetAddress.parse(dataset)
     repository = GraspRepository.open(address.path)
     if name and delete:
-        forget_view(repository, name, branch=address.ref)
-        console.print(f"forgot view [bold]{name}[/]")
+        forget_filter(repository, name, branch=address.ref)
+        console.print(f"forgot filter [bold]{name}[/]")
     elif name and where:
-        found = save_view(repository, name, where, author=_author(author), branch=address.ref, replace=replace)
-        console.print(f"saved view [bold]{name}[/]: {found} attempts match now")
+        found = save_filter(repository, name, where, author=_author(author), branch=address.ref, replace=replace)
+        console.print(f"saved filter [bold]{name}[/]: {found} attempts match now")
     elif name:
-        raise typer.BadParameter("give the view an expression, or --delete it", param_hint="--where")
+        raise typer.BadParameter("give the filter an expression, or --delete it", param_hint="--where")
     else:
         _list_views(GraspDataset.open(address), as_json=as_json)
 
@@ -213,12 +213,14 @@ def _fold_rows(dataset: GraspDataset, folds: Folds) -> list[_FoldRow]:
 
 
 def _list_views(dataset: GraspDataset, *, as_json: bool) -> None:
-    views = read_views(dataset.repository.root(dataset.snapshot_id))
-    counts = {name: int(matches(dataset.attempts, where).sum()) for name, where in views.items()}
+    filters = read_filters(dataset.repository.root(dataset.snapshot_id))
+    counts = {name: int(matches(dataset.attempts, where).sum()) for name, where in filters.items()}
     if as_json:
-        print_json([{"view": name, "where": where, "attempts": counts[name]} for name, where in views.items()])
+        print_json([{"filter": name, "where": where, "attempts": counts[name]} for name, where in filters.items()])
     else:
-        print_table(("view", "where", "attempts"), [(name, where, str(counts[name])) for name, where in views.items()])
+        print_table(
+            ("filter", "where", "attempts"), [(name, where, str(counts[name])) for name, where in filters.items()]
+        )
 
 
 def _curator(dataset: str, author: str) -> Curator:
@@ -230,8 +232,8 @@ def _author(author: str) -> str:
     return author or getpass.getuser()
 
 
-def _selection(ids: list[str] | None, where: str, view: str) -> Selection:
-    return Selection(ids=tuple(ids or ()), where=where, view=view)
+def _selection(ids: list[str] | None, where: str, filter: str) -> Selection:
+    return Selection(ids=tuple(ids or ()), where=where, filter=filter)
 
 
 def _report(verb: str, decided: Decision | None, *, dry_run: bool, as_json: bool) -> None:

@@ -14,7 +14,7 @@ from handsight.datasets.exchange.commands import export_dataset, import_dataset
 from handsight.datasets.exchange.formats import EXPORT_FORMATS, FORMATS
 from handsight.datasets.exchange.merge import merge
 from handsight.datasets.exchange.transfer import TransferReport
-from handsight.datasets.format.schema import VIEWS, View
+from handsight.datasets.format.schema import VIEWPOINTS, Viewpoint
 from handsight.datasets.inputs.materialize import materialize
 from handsight.datasets.reading.reader import GraspDataset
 from handsight.datasets.store.repository import GraspRepository
@@ -115,14 +115,16 @@ def merge_command(
 
 def materialize_command(
     dataset: Dataset,
-    view: Annotated[str, typer.Option("--view", help=f"Picture to warp: {' or '.join(VIEWS)}.")] = "pregrasp",
+    viewpoint: Annotated[
+        str, typer.Option("--viewpoint", help=f"Picture to warp: {' or '.join(VIEWPOINTS)}.")
+    ] = "pregrasp",
     size_px: Annotated[int, typer.Option("--size", help="Side of the inputs [px].")] = 64,
     as_json: Json = False,
 ) -> None:
     """Make the network inputs of a version, and print where they are."""
     version = GraspDataset.open(dataset)
     with progress_bar("warp", sum(session.attempts for session in version.sessions)) as bar:
-        data = materialize(version, view=_view(view), grid=InputGrid(size_px=size_px), on_attempt=bar.advance)
+        data = materialize(version, viewpoint=_view(viewpoint), grid=InputGrid(size_px=size_px), on_attempt=bar.advance)
     facts = {"file": data.file, "shape": list(data.inputs.shape), "successes": int(data.labels.sum())}
     if as_json:
         print_json(facts)
@@ -130,11 +132,11 @@ def materialize_command(
     console.print(f"{len(data.inputs)} inputs of {dataset} in [bold]{data.file}[/]")
 
 
-def _view(name: str) -> View:
-    for view in VIEWS:
-        if view == name:
-            return view
-    raise typer.BadParameter(f"view is {name!r}, expected {' or '.join(VIEWS)}", param_hint="--view")
+def _view(name: str) -> Viewpoint:
+    for viewpoint in VIEWPOINTS:
+        if viewpoint == name:
+            return viewpoint
+    raise typer.BadParameter(f"viewpoint is {name!r}, expected {' or '.join(VIEWPOINTS)}", param_hint="--viewpoint")
 
 
 def _as_json(report: TransferReport) -> dict[str, object]:

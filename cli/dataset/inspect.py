@@ -9,7 +9,7 @@ import pandas as pd
 import typer
 from rich.console import Console
 
-from handsight.cli.dataset.curation import View, Where
+from handsight.cli.dataset.curation import Filter, Where
 from handsight.cli.errors import CommandError
 from handsight.cli.options import Dataset, Json
 from handsight.cli.output import console, errors, print_json, print_table
@@ -38,7 +38,7 @@ def register(app: typer.Typer) -> None:
 def ls(
     dataset: Dataset,
     where: Where = "",
-    view: View = "",
+    filter: Filter = "",
     sort: Annotated[
         str, typer.Option("--sort", metavar="COLUMN", help="Smallest first, missing values last; shows the first rows.")
     ] = "",
@@ -55,7 +55,7 @@ def ls(
         raise CommandError(f"--ids prints no columns, and --columns is {columns!r}: leave one of the two out")
     listing = Listing(
         where=where,
-        view=view,
+        filter=filter,
         sort=sort,
         reverse=reverse,
         columns=() if ids else _columns(columns, sort, as_json=as_json),
@@ -136,7 +136,7 @@ def _print_counts(found: Listed, listing: Listing, to: Console) -> None:
     shown = len(found.rows)
     which = f"the {'first' if listing.sort else 'last'} {shown}"
     order = f" by {listing.sort}, {'largest' if listing.reverse else 'smallest'} first" if listing.sort else ""
-    if listing.where or listing.view:
+    if listing.where or listing.filter:
         match = f"{found.matched} of {found.total} attempts match"
         if shown < found.matched:
             to.print(f"{match}; shown are {which}{order}; --limit 0 shows all")

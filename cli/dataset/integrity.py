@@ -15,7 +15,7 @@ import typer
 
 from handsight.cli.options import Dataset, DatasetPath, Json, Seed
 from handsight.cli.output import console, print_json, print_table, progress_bar
-from handsight.datasets.format.schema import VIEWS
+from handsight.datasets.format.schema import VIEWPOINTS
 from handsight.datasets.integrity.doctor import doctor
 from handsight.datasets.integrity.maintenance import collect_garbage, expire
 from handsight.datasets.integrity.repair import ResimulateAttempt, repair
@@ -104,7 +104,7 @@ def doctor_command(
 ) -> None:
     """Check whether a version is fit to learn from; exit 1 when there are errors or warnings."""
     opened = GraspDataset.open(dataset)
-    total = sum(int(opened.attempts[f"{view}_taken"].sum()) for view in VIEWS) if deep else 0
+    total = sum(int(opened.attempts[f"{viewpoint}_taken"].sum()) for viewpoint in VIEWPOINTS) if deep else 0
     with progress_bar("examine", total) as bar, _simulator(model, wanted=resimulate > 0) as simulate:
         found = doctor(
             opened,

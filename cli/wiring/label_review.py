@@ -17,11 +17,11 @@ from handsight.cli.errors import EXPECTED, CommandError
 from handsight.cli.output import progress_bar
 from handsight.datasets.address import DEFAULT_REF
 from handsight.datasets.curation.folds import read_folds
-from handsight.datasets.format.schema import View
+from handsight.datasets.format.schema import Viewpoint
 from handsight.datasets.inputs.materialize import GraspInputs, materialize, usable_attempts
 from handsight.datasets.reading.reader import GraspDataset
 from handsight.datasets.reading.selection import matches
-from handsight.datasets.records import Snapshot
+from handsight.datasets.records import RgbdFrame
 from handsight.datasets.views import station_view
 from handsight.evaluation.label_issues import LabelReview, Suspect, rank_suspects, review_folds
 from handsight.servoing.homography import InputGrid
@@ -32,7 +32,7 @@ from handsight.viz.examples import SuspectExample
 from handsight.viz.recordings.label_issues import write_suspects
 from handsight.viz.recordings.recording import check_recording_path
 
-VIEW: View = "overhead"
+VIEWPOINT: Viewpoint = "overhead"
 """The picture that every attempt has; ``handsight train`` learns from it too, so both share a cache."""
 
 FOLDS = 3
@@ -59,7 +59,7 @@ def plan_review(
         NoTrainingDataError: The version holds no labelled attempt.
         CommandError: Some of the options make no sense here; every fault is in the message.
     """
-    attempts = usable_attempts(dataset, VIEW)
+    attempts = usable_attempts(dataset, VIEWPOINT)
     faults: list[str] = []
     with _noted(faults):
         settings = TrainSettings(epochs=epochs, seed=seed)
@@ -106,7 +106,7 @@ def review_labels(dataset: GraspDataset, plan: ReviewPlan, count: int) -> tuple[
     """Train and rank behind progress bars; returns what was judged with the ``count`` most doubted of those listed."""
     grid = InputGrid(size_px=plan.settings.network.size_px)
     with progress_bar("warp", len(plan.listed)) as bar:
-        data = materialize(dataset, view=VIEW, grid=grid, on_attempt=bar.advance)
+        data = materialize(dataset, viewpoint=VIEWPOINT, grid=grid, on_attempt=bar.advance)
     scores = _scores(data, plan)
     return data, rank_suspects(data.attempts, scores, listed=plan.listed, count=count)
 
@@ -129,23 +129,23 @@ def write_review(path: Path, dataset: GraspDataset, data: GraspInputs, suspects:
     positions = data.attempts.index.get_indexer(pd.Index([one.attempt for one in suspects]))
     examples = []
     with progress_bar("record", len(suspects)) as bar:
-        pictures = dataset.snapshots(VIEW, [one.attempt for one in suspects])
-        for suspect, position, (_, snapshot) in zip(suspects, positions, pictures, strict=True):
+        pictures = dataset.frames(VIEWPOINT, [one.attempt for one in suspects])
+        for suspect, position, (_, frame) in zip(suspects, positions, pictures, strict=True):
             row, inputs = data.attempts.iloc[position], data.inputs[position]
-            examples.append(_example(dataset, suspect, row, snapshot, inputs))
+            examples.append(_example(dataset, suspect, row, frame, inputs))
             bar.advance()
     write_suspects(path, examples)
 
 
 def _example(
-    dataset: GraspDataset, suspect: Suspect, row: pd.Series[Any], snapshot: Snapshot, inputs: NDArray[np.float16]
+    dataset: GraspDataset, suspect: Suspect, row: pd.Series[Any], frame: RgbdFrame, inputs: NDArray[np.float16]
 ) -> SuspectExample:
     card = dataset.station(suspect.attempt)
     goal = PlanarPose(x_m=row["pregrasp_x_m"], y_m=row["pregrasp_y_m"], angle_rad=row["pregrasp_angle_rad"])
-    step = PlanarPose.from_pose_base_tool(snapshot.pose_base_tool).step_to(goal)
+    step = PlanarPose.from_pose_base_tool(frame.pose_base_tool).step_to(goal)
     return SuspectExample(
         suspect=suspect,
-        view=station_view(snapshot, card),
+        view=station_view(frame, card),
         grasp=(step.dx_m, step.dy_m, step.dangle_rad),
         inputs=inputs,
         jaws_m=card.gripper_stroke_m,

@@ -24,7 +24,7 @@ from handsight.collection.sim.renderer import EmptyEngines, renderer_named
 from handsight.collection.sim.scene import Scene
 from handsight.collection.sim.table import TABLE_FRICTION, add_table, wooden_table
 from handsight.collection.station import Descent, Workspace
-from handsight.datasets.records import SceneObjects, Snapshot, StationCard
+from handsight.datasets.records import RgbdFrame, SceneObjects, StationCard
 from handsight.servoing.planar import PlanarPose
 
 CLOSE_SPEED_M_S = 0.1
@@ -179,7 +179,7 @@ class SimStation:
             raise PhaseAbortedError("settle", "every object rolled out of the workspace")
         return int(rng.choice(inside))
 
-    def look(self) -> Snapshot:
+    def look(self) -> RgbdFrame:
         """Render the hand camera."""
         pose_base_tool = self._arm.pose_base_tool
         noise = self._variety.depth_noise
@@ -194,7 +194,7 @@ class SimStation:
             sense=None if noise is None else partial(noise.measured, look=self._looks),
         )
         self._looks += 1
-        return Snapshot(rgb=rgb, depth=depth, pose_base_tool=pose_base_tool)
+        return RgbdFrame(rgb=rgb, depth=depth, pose_base_tool=pose_base_tool)
 
     def reach(self, pose: PlanarPose) -> None:
         """Move to ``pose`` at the pre-grasp height."""

@@ -1,1 +1,1 @@
-"""Decisions about attempts, folds and saved views: layers over what was recorded, which none of them changes."""
+"""Decisions about attempts, folds and saved filters: layers over what was recorded, which none of them changes."""

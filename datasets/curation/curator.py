@@ -15,7 +15,7 @@ import zarr
 from handsight.datasets.address import DEFAULT_REF
 from handsight.datasets.errors import CurationError, UnknownNameError
 from handsight.datasets.format.decisions import AUTHOR_BYTES, REASON_BYTES, Action, Decision, append_decision
-from handsight.datasets.format.saved_views import read_views
+from handsight.datasets.format.saved_filters import read_filters
 from handsight.datasets.reading.reader import GraspDataset
 from handsight.datasets.reading.selection import Selection, select
 from handsight.datasets.store.repository import GraspRepository
@@ -119,7 +119,7 @@ class Curator:
 
         def change(dataset: GraspDataset, root: zarr.Group) -> str | None:
             made.clear()
-            rows = dataset.attempts.loc[select(dataset.attempts, which, read_views(root))]
+            rows = dataset.attempts.loc[select(dataset.attempts, which, read_filters(root))]
             attempts = rows.index[affects(rows)]
             if attempts.empty:
                 return None

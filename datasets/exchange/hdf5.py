@@ -7,9 +7,9 @@
     /data/demo_<k>                      attrs: num_samples, attempt (id)
         actions                         f8 (1, 3), pre-grasp x [m], y [m], angle [rad] in the base frame
         rewards, dones                  f8 (1,), 1 where the grasp succeeded; i8 (1,), always 1
-        obs/<view>_rgb                  u1 (1, H, W, 3)
-        obs/<view>_depth                u2 (1, H, W), in units of the camera's depth scale
-        obs/<view>_pose_base_tool       f8 (1, 4, 4); nothing of a view whose picture was never taken
+        obs/<viewpoint>_rgb             u1 (1, H, W, 3)
+        obs/<viewpoint>_depth           u2 (1, H, W), in units of the camera's depth scale
+        obs/<viewpoint>_pose_base_tool  f8 (1, 4, 4); nothing of a viewpoint whose picture was never taken
     /mask/labelled, /mask/excluded      names of demos, as robomimic's filter keys
     /sessions/<ulid>                    attrs: first_demo
         attributes                      JSON: header, configuration, code version, packages, times, status
@@ -43,11 +43,11 @@ from handsight.datasets.exchange.bundle import (
 )
 from handsight.datasets.exchange.sources import SessionSource, checked_source, stored_sources
 from handsight.datasets.format.arrays import array_at, group_at, read_rows
-from handsight.datasets.format.rows import from_row, snapshot_of
-from handsight.datasets.format.schema import COLUMNS, SESSIONS, VIEWS, View, attempt_id, slots_of
+from handsight.datasets.format.rows import frame_of, from_row
+from handsight.datasets.format.schema import COLUMNS, SESSIONS, VIEWPOINTS, Viewpoint, attempt_id, slots_of
 from handsight.datasets.format.upgrades import columns_of, current_attributes, empty_columns
 from handsight.datasets.reading.reader import GraspDataset
-from handsight.datasets.records import GraspAttempt, SessionHeader, Snapshot
+from handsight.datasets.records import GraspAttempt, RgbdFrame, SessionHeader
 
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
 _PACKING = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
@@ -128,13 +128,13 @@ def _write_demo(demo: h5py.Group, attempt: GraspAttempt, identity: str) -> None:
     demo["rewards"] = np.array([float(attempt.outcome.name == "HELD")])
     demo["dones"] = np.array([1])
     observations = demo.create_group("obs")
-    for view in VIEWS:
-        snapshot = snapshot_of(attempt, view)
-        if snapshot is not None:
+    for viewpoint in VIEWPOINTS:
+        frame = frame_of(attempt, viewpoint)
+        if frame is not None:
             for name in ("rgb", "depth"):
-                frame = getattr(snapshot, name)[None]
-                observations.create_dataset(f"{view}_{name}", data=frame, chunks=frame.shape, **_PACKING)
-            observations[f"{view}_pose_base_tool"] = snapshot.pose_base_tool[None]
+                frame = getattr(frame, name)[None]
+                observations.create_dataset(f"{viewpoint}_{name}", data=frame, chunks=frame.shape, **_PACKING)
+            observations[f"{viewpoint}_pose_base_tool"] = frame.pose_base_tool[None]
 
 
 def _source(file: h5py.File, ulid: str, path: Path, schema: int) -> SessionSource:
@@ -166,11 +166,14 @@ def _read_attempts(
     for number in range(len(columns["number"])):
         row = {name: values[number] for name, values in columns.items()}
         demo = f"data/demo_{first_demo + number}"
-        taken = dict(zip(VIEWS, row["picture_taken"], strict=True))
+        taken = dict(zip(VIEWPOINTS, row["picture_taken"], strict=True))
         try:
             if file[demo].attrs["attempt"] != attempt_id(ulid, number):
                 raise InterchangeError(f"{demo} is attempt {file[demo].attrs['attempt']}")
-            pictures = {view: _snapshot(file, demo, view, header) if taken[view] else None for view in VIEWS}
+            pictures = {
+                viewpoint: _frame(file, demo, viewpoint, header) if taken[viewpoint] else None
+                for viewpoint in VIEWPOINTS
+            }
         except (KeyError, OSError, RuntimeError, InterchangeError) as error:
             raise CorruptDataError(
                 f"attempt {attempt_id(ulid, number)} cannot be read from {file.filename}: {error}; "
@@ -179,14 +182,14 @@ def _read_attempts(
         yield from_row(row, pictures)
 
 
-def _snapshot(file: h5py.File, demo: str, view: View, header: SessionHeader) -> Snapshot:
+def _frame(file: h5py.File, demo: str, viewpoint: Viewpoint, header: SessionHeader) -> RgbdFrame:
     intrinsics = header.station.camera.intrinsics
     frame = (1, intrinsics.height, intrinsics.width)
     group = file[f"{demo}/obs"]
-    return Snapshot(
-        rgb=_array(group, f"{view}_rgb", "uint8", (*frame, 3), demo)[0],
-        depth=_array(group, f"{view}_depth", "uint16", frame, demo)[0],
-        pose_base_tool=_array(group, f"{view}_pose_base_tool", "float64", (1, 4, 4), demo)[0],
+    return RgbdFrame(
+        rgb=_array(group, f"{viewpoint}_rgb", "uint8", (*frame, 3), demo)[0],
+        depth=_array(group, f"{viewpoint}_depth", "uint16", frame, demo)[0],
+        pose_base_tool=_array(group, f"{viewpoint}_pose_base_tool", "float64", (1, 4, 4), demo)[0],
     )
 
 

@@ -19,7 +19,7 @@ Required columns
 ``width_final_m``
     Opening of the jaws after the lift. The attempt succeeded if it is above the station's ``closed_width_m``.
 
-Optional columns: ``pregrasp_rgb`` and ``pregrasp_depth`` (the view from the pre-grasp pose), ``target`` (an object of
+Optional columns: ``pregrasp_rgb`` and ``pregrasp_depth`` (the picture from the pre-grasp pose), ``target`` (an object of
 the station's catalogue; where it lay is not known and recorded as the origin), ``contact_force_n``, ``started_ns``. Any
 other column is refused, lest a misspelt one be lost.
 """
@@ -50,9 +50,9 @@ from handsight.datasets.records import (
     GraspAttempt,
     GripperReadings,
     Outcome,
+    RgbdFrame,
     SceneObjects,
     SessionHeader,
-    Snapshot,
     StationCard,
 )
 from handsight.datasets.writing.blocks import prepare
@@ -162,7 +162,7 @@ def _attempt(folder: Path, line: Line, number: int, station: StationCard) -> Gra
         number=number,
         outcome=Outcome.HELD if final_m > station.closed_width_m else Outcome.EMPTY,
         failure="",
-        overhead=_snapshot(folder, line, "overhead", overhead.pose_base_tool(values["overhead_z_m"])),
+        overhead=_frame(folder, line, "overhead", overhead.pose_base_tool(values["overhead_z_m"])),
         pregrasp=_pregrasp(folder, line, goal.pose_base_tool(station.pregrasp_height_m)),
         pregrasp_x_m=x_m,
         pregrasp_y_m=y_m,
@@ -178,24 +178,24 @@ def _attempt(folder: Path, line: Line, number: int, station: StationCard) -> Gra
     )
 
 
-def _pregrasp(folder: Path, line: Line, pose: NDArray[np.float64]) -> Snapshot | None:
+def _pregrasp(folder: Path, line: Line, pose: NDArray[np.float64]) -> RgbdFrame | None:
     given = [bool(line.get(name)) for name in ("pregrasp_rgb", "pregrasp_depth")]
     if any(given) and not all(given):
         raise InterchangeError("pregrasp_rgb and pregrasp_depth belong together, and one of them is empty")
-    return _snapshot(folder, line, "pregrasp", pose) if all(given) else None
+    return _frame(folder, line, "pregrasp", pose) if all(given) else None
 
 
-def _snapshot(folder: Path, line: Line, view: str, pose: NDArray[np.float64]) -> Snapshot:
-    colours = _picture(folder, line[f"{view}_rgb"])
-    depth = _picture(folder, line[f"{view}_depth"])
+def _frame(folder: Path, line: Line, viewpoint: str, pose: NDArray[np.float64]) -> RgbdFrame:
+    colours = _picture(folder, line[f"{viewpoint}_rgb"])
+    depth = _picture(folder, line[f"{viewpoint}_depth"])
     if colours.dtype != np.uint8 or colours.ndim != 3 or colours.shape[2] != 3:
         got = f"{colours.dtype} {colours.shape}"
-        raise InterchangeError(f"{line[f'{view}_rgb']} is {got}, expected three 8-bit colours")
+        raise InterchangeError(f"{line[f'{viewpoint}_rgb']} is {got}, expected three 8-bit colours")
     if depth.dtype != np.uint16 or depth.ndim != 2:
         got = f"{depth.dtype} {depth.shape}"
-        raise InterchangeError(f"{line[f'{view}_depth']} is {got}, expected one 16-bit channel")
+        raise InterchangeError(f"{line[f'{viewpoint}_depth']} is {got}, expected one 16-bit channel")
     rgb = cv2.cvtColor(colours, cv2.COLOR_BGR2RGB)
-    return Snapshot(rgb=rgb.astype(np.uint8), depth=depth.astype(np.uint16), pose_base_tool=pose)
+    return RgbdFrame(rgb=rgb.astype(np.uint8), depth=depth.astype(np.uint16), pose_base_tool=pose)
 
 
 def _picture(folder: Path, name: str) -> NDArray[Any]:

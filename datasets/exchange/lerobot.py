@@ -4,8 +4,8 @@
 
     meta/info.json, meta/tasks.parquet, meta/stats.json, meta/episodes/chunk-000/file-000.parquet
     data/chunk-000/file-<k>.parquet       one row for each attempt:
-        observation.images.<view>         RGB, PNG; null where the picture was never taken
-        observation.images.<view>_depth   16-bit PNG in units of the camera's depth scale, every bit kept
+        observation.images.<viewpoint>         RGB, PNG; null where the picture was never taken
+        observation.images.<viewpoint>_depth   16-bit PNG in units of the camera's depth scale, every bit kept
         observation.state                 f4 (3,), tool pose of the overhead picture: x [m], y [m], angle [rad]
         action                            f4 (3,), pre-grasp x [m], y [m], angle [rad] in the base frame
         next.reward, next.success, timestamp, frame_index, episode_index, index, task_index
@@ -44,11 +44,11 @@ from handsight.datasets.exchange.bundle import (
 )
 from handsight.datasets.exchange.sources import SessionSource, checked_source, stored_sources
 from handsight.datasets.format.arrays import array_at, group_at, read_rows
-from handsight.datasets.format.rows import from_row, snapshot_of
-from handsight.datasets.format.schema import COLUMNS, SESSIONS, VIEWS, View, attempt_id, slots_of
+from handsight.datasets.format.rows import frame_of, from_row
+from handsight.datasets.format.schema import COLUMNS, SESSIONS, VIEWPOINTS, Viewpoint, attempt_id, slots_of
 from handsight.datasets.format.upgrades import columns_since, current_attributes, empty_columns
 from handsight.datasets.reading.reader import GraspDataset
-from handsight.datasets.records import GraspAttempt, Outcome, Snapshot
+from handsight.datasets.records import GraspAttempt, Outcome, RgbdFrame
 from handsight.datasets.writing.blocks import column_paths
 from handsight.servoing.planar import PlanarPose
 
@@ -147,11 +147,11 @@ def _write_frames(
 def _frame(attempt: GraspAttempt, episode: int) -> dict[str, Any]:
     held = attempt.outcome is Outcome.HELD
     pictures: dict[str, Any] = {}
-    for view in VIEWS:
-        snapshot = snapshot_of(attempt, view)
-        rgb = None if snapshot is None else cv2.cvtColor(snapshot.rgb, cv2.COLOR_RGB2BGR)
-        pictures[f"observation.images.{view}"] = _png(rgb)
-        pictures[f"observation.images.{view}_depth"] = _png(None if snapshot is None else snapshot.depth)
+    for viewpoint in VIEWPOINTS:
+        frame = frame_of(attempt, viewpoint)
+        rgb = None if frame is None else cv2.cvtColor(frame.rgb, cv2.COLOR_RGB2BGR)
+        pictures[f"observation.images.{viewpoint}"] = _png(rgb)
+        pictures[f"observation.images.{viewpoint}_depth"] = _png(None if frame is None else frame.depth)
     state = (float("nan"),) * 3
     if attempt.overhead is not None:
         pose = PlanarPose.from_pose_base_tool(attempt.overhead.pose_base_tool)
@@ -171,7 +171,9 @@ def _frame(attempt: GraspAttempt, episode: int) -> dict[str, Any]:
 
 
 def _schema() -> pa.Schema:
-    images = [(f"observation.images.{view}{kind}", _PICTURE) for view in VIEWS for kind in ("", "_depth")]
+    images = [
+        (f"observation.images.{viewpoint}{kind}", _PICTURE) for viewpoint in VIEWPOINTS for kind in ("", "_depth")
+    ]
     triple = pa.list_(pa.float32(), 3)
     numbers = [("observation.state", triple), ("action", triple), ("next.reward", pa.float32())]
     rest = [("next.success", pa.bool_()), ("timestamp", pa.float32()), *((name, pa.int64()) for name in _INTEGERS)]
@@ -224,8 +226,8 @@ def _features(sources: list[SessionSource]) -> dict[str, Any]:
     axes = ["height", "width", "channels"]
     pose = {"dtype": "float32", "shape": [3], "names": ["x_m", "y_m", "angle_rad"]}
     images = {
-        f"observation.images.{view}{kind}": {"dtype": "image", "shape": [*size, channels], "names": axes}
-        for view in VIEWS
+        f"observation.images.{viewpoint}{kind}": {"dtype": "image", "shape": [*size, channels], "names": axes}
+        for viewpoint in VIEWPOINTS
         for kind, channels in (("", 3), ("_depth", 1))
     }
     return {
@@ -262,9 +264,9 @@ def _source(path: Path, ulid: str, schema: int) -> SessionSource:
         found = columns[f"attempts/{column.name}"]
         if found.dtype != np.dtype(column.dtype) or found.shape != (size, *column.shape(slots)):
             raise InterchangeError(f"{path}: column {column.name} of session {ulid} is {found.dtype} {found.shape}")
-    for view in VIEWS:
-        if columns[f"{view}/pose_base_tool"].shape != (size, 4, 4):
-            raise InterchangeError(f"{path}: the poses of {view} of session {ulid} have another shape")
+    for viewpoint in VIEWPOINTS:
+        if columns[f"{viewpoint}/pose_base_tool"].shape != (size, 4, 4):
+            raise InterchangeError(f"{path}: the poses of {viewpoint} of session {ulid} have another shape")
     return checked_source(
         ulid,
         attributes,
@@ -284,7 +286,7 @@ def _read_attempts(path: Path, ulid: str, columns: dict[str, NDArray[Any]], firs
                 file, opened = pq.ParquetFile(path / name), name
             assert file is not None
             row = file.read_row_group(episode % _EPISODES_PER_FILE).to_pylist()[0]
-            pictures = {view: _snapshot(row, view, columns, number) for view in VIEWS}
+            pictures = {viewpoint: _rgbd_frame(row, viewpoint, columns, number) for viewpoint in VIEWPOINTS}
         except (OSError, KeyError, ValueError, IndexError, TypeError, cv2.error, pa.ArrowException) as error:
             raise CorruptDataError(
                 f"attempt {attempt_id(ulid, number)} cannot be read from {path / name}: {error}; take an undamaged copy"
@@ -293,12 +295,14 @@ def _read_attempts(path: Path, ulid: str, columns: dict[str, NDArray[Any]], firs
         yield from_row(values, pictures)
 
 
-def _snapshot(row: dict[str, Any], view: View, columns: dict[str, NDArray[Any]], number: int) -> Snapshot | None:
-    if not columns["attempts/picture_taken"][number, VIEWS.index(view)]:
+def _rgbd_frame(
+    row: dict[str, Any], viewpoint: Viewpoint, columns: dict[str, NDArray[Any]], number: int
+) -> RgbdFrame | None:
+    if not columns["attempts/picture_taken"][number, VIEWPOINTS.index(viewpoint)]:
         return None
-    bgr, depth = (_decoded(row[f"observation.images.{view}{kind}"]["bytes"]) for kind in ("", "_depth"))
-    pose = columns[f"{view}/pose_base_tool"][number]
-    return Snapshot(rgb=np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB)), depth=depth, pose_base_tool=pose)
+    bgr, depth = (_decoded(row[f"observation.images.{viewpoint}{kind}"]["bytes"]) for kind in ("", "_depth"))
+    pose = columns[f"{viewpoint}/pose_base_tool"][number]
+    return RgbdFrame(rgb=np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB)), depth=depth, pose_base_tool=pose)
 
 
 def _png(picture: NDArray[Any] | None) -> dict[str, Any] | None:

@@ -23,7 +23,7 @@ from handsight.datasets.exchange.bundle import Bundle, origin_of, refuse_linked,
 from handsight.datasets.exchange.sources import stored_sources
 from handsight.datasets.format.arrays import array_at, group_at
 from handsight.datasets.format.decisions import read_overlay
-from handsight.datasets.format.schema import SESSIONS, VIEWS
+from handsight.datasets.format.schema import SESSIONS, VIEWPOINTS
 from handsight.datasets.reading.reader import GraspDataset
 from handsight.datasets.store.icechunk_engine import engine_errors
 
@@ -85,7 +85,7 @@ def _refuse_empty_claims(path: Path, root: zarr.Group) -> None:
 def _copy(store: Store, prefix: str, target: Path, on_attempt: Callable[[], None] | None) -> int:
     """Copy what lies under a prefix and is not there yet; returns how often ``on_attempt`` was called."""
     missing = [key for key in sync(_keys(store, prefix)) if not (target / key).exists()]
-    first_frames = f"/{VIEWS[0]}/rgb/c/"
+    first_frames = f"/{VIEWPOINTS[0]}/rgb/c/"
     copied = 0
     for start in range(0, len(missing), _KEYS_AT_A_TIME):
         some = missing[start : start + _KEYS_AT_A_TIME]

@@ -14,11 +14,19 @@ from handsight.datasets.errors import InterchangeError
 from handsight.datasets.format.arrays import array_at, group_at, read_rows
 from handsight.datasets.format.header import canonical_json, config_digest
 from handsight.datasets.format.rows import from_row
-from handsight.datasets.format.schema import COLUMN_CHUNK_ROWS, SCHEMA_VERSION, SESSIONS, VIEWS, Slots, View, slots_of
+from handsight.datasets.format.schema import (
+    COLUMN_CHUNK_ROWS,
+    SCHEMA_VERSION,
+    SESSIONS,
+    VIEWPOINTS,
+    Slots,
+    Viewpoint,
+    slots_of,
+)
 from handsight.datasets.format.sessions import session_from_attributes
 from handsight.datasets.format.upgrades import columns_of, current_attributes, empty_columns
 from handsight.datasets.format.validation import header_faults
-from handsight.datasets.records import GraspAttempt, SessionHeader, Snapshot
+from handsight.datasets.records import GraspAttempt, RgbdFrame, SessionHeader
 
 BLOCK_FRAMES = 16
 """Attempts whose pictures are in memory at a time, about 50 MB at 640x480."""
@@ -115,15 +123,21 @@ def read_attempts(group: zarr.Group, size: int, slots: Slots, schema: int) -> It
         rows |= empty_columns(schema, stop - start, slots)
         for first in range(start, stop, BLOCK_FRAMES):
             last = min(first + BLOCK_FRAMES, stop)
-            frames = {view: _frames(group, view, first, last) for view in VIEWS}
+            frames = {viewpoint: _frames(group, viewpoint, first, last) for viewpoint in VIEWPOINTS}
             for number in range(first, last):
                 row = {name: values[number - start] for name, values in rows.items()}
-                taken = dict(zip(VIEWS, row["picture_taken"], strict=True))
-                yield from_row(row, {view: frames[view][number - first] if taken[view] else None for view in VIEWS})
+                taken = dict(zip(VIEWPOINTS, row["picture_taken"], strict=True))
+                yield from_row(
+                    row,
+                    {
+                        viewpoint: frames[viewpoint][number - first] if taken[viewpoint] else None
+                        for viewpoint in VIEWPOINTS
+                    },
+                )
 
 
-def _frames(group: zarr.Group, view: View, start: int, stop: int) -> list[Snapshot]:
+def _frames(group: zarr.Group, viewpoint: Viewpoint, start: int, stop: int) -> list[RgbdFrame]:
     rgb, depth, poses = (
-        read_rows(array_at(group, f"{view}/{name}"), start, stop) for name in ("rgb", "depth", "pose_base_tool")
+        read_rows(array_at(group, f"{viewpoint}/{name}"), start, stop) for name in ("rgb", "depth", "pose_base_tool")
     )
-    return [Snapshot(rgb=rgb[at], depth=depth[at], pose_base_tool=poses[at]) for at in range(len(rgb))]
+    return [RgbdFrame(rgb=rgb[at], depth=depth[at], pose_base_tool=poses[at]) for at in range(len(rgb))]

@@ -205,7 +205,7 @@ def _write_session(group: zarr.Group, source: SessionSource, on_attempt: Callabl
     stored = 0
     last_chunks: LastChunks = {}
     while block := list(islice(attempts, BLOCK_FRAMES)):
-        frames = [encoder.encode(one.snapshots) for one in block]
+        frames = [encoder.encode(one.frames) for one in block]
         together(frame_writes(arrays, frames, stored=stored + len(rows)))
         rows += [one.columns for one in block]
         # Columns in whole chunks: a chunk that is written twice leaves its first version behind as garbage.

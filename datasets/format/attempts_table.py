@@ -11,7 +11,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from handsight.datasets.format.rows import text_from_bytes
-from handsight.datasets.format.schema import COLUMNS, VIEWS, Slots, attempt_id
+from handsight.datasets.format.schema import COLUMNS, VIEWPOINTS, Slots, attempt_id
 from handsight.datasets.format.sessions import SessionInfo
 from handsight.datasets.records import PHASES, Outcome
 
@@ -157,7 +157,7 @@ TABLE: dict[str, Build] = {
     "failure": _failure,
     "objects": _objects,
     "target": _target,
-    **{f"{view}_taken": _part("picture_taken", at) for at, view in enumerate(VIEWS)},
+    **{f"{viewpoint}_taken": _part("picture_taken", at) for at, viewpoint in enumerate(VIEWPOINTS)},
     "pregrasp_x_m": _part("pregrasp_x_y_angle", 0),
     "pregrasp_y_m": _part("pregrasp_x_y_angle", 1),
     "pregrasp_angle_rad": _part("pregrasp_x_y_angle", 2),

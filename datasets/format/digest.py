@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handsight.datasets.format.header import canonical_json, station_to_json
-from handsight.datasets.format.rows import snapshot_of, to_row
-from handsight.datasets.format.schema import COLUMNS, VIEWS, Slots
+from handsight.datasets.format.rows import frame_of, to_row
+from handsight.datasets.format.schema import COLUMNS, VIEWPOINTS, Slots
 from handsight.datasets.records import GraspAttempt, SceneObjects, StationCard
 
 _ATTEMPT_PREFIX = b"handsight attempt 1\n"
@@ -40,12 +40,12 @@ def attempt_digest(attempt: GraspAttempt, station: StationCard) -> bytes:
     for column in COLUMNS:
         if column.digested and (column.since == 1 or not np.isnan(row[column.name]).all()):
             _feed_array(digest, column.name, row[column.name])
-    for view in VIEWS:
-        snapshot = snapshot_of(attempt, view)
-        if snapshot is not None:
-            _feed_array(digest, f"{view}/rgb", snapshot.rgb)
-            _feed_array(digest, f"{view}/depth", snapshot.depth)
-            _feed_array(digest, f"{view}/pose_base_tool", snapshot.pose_base_tool)
+    for viewpoint in VIEWPOINTS:
+        frame = frame_of(attempt, viewpoint)
+        if frame is not None:
+            _feed_array(digest, f"{viewpoint}/rgb", frame.rgb)
+            _feed_array(digest, f"{viewpoint}/depth", frame.depth)
+            _feed_array(digest, f"{viewpoint}/pose_base_tool", frame.pose_base_tool)
     return digest.digest()
 
 

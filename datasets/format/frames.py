@@ -10,8 +10,8 @@ from zarr.abc.buffer import Buffer
 from zarr.storage import MemoryStore
 
 from handsight.datasets.format.arrays import Layouts, arrays_with, overwrite, together
-from handsight.datasets.format.schema import VIEWS, View
-from handsight.datasets.records import Snapshot
+from handsight.datasets.format.schema import VIEWPOINTS, Viewpoint
+from handsight.datasets.records import RgbdFrame
 
 EncodedFrames = dict[str, Buffer]
 """One chunk for each array of pictures, by its path in the session's group; none where all values are fill values."""
@@ -19,7 +19,7 @@ EncodedFrames = dict[str, Buffer]
 
 def frame_paths() -> list[str]:
     """Paths, in a session's group, of the arrays of pictures."""
-    return [f"{view}/{name}" for view in VIEWS for name in ("rgb", "depth")]
+    return [f"{viewpoint}/{name}" for viewpoint in VIEWPOINTS for name in ("rgb", "depth")]
 
 
 class FrameEncoder:
@@ -32,17 +32,17 @@ class FrameEncoder:
     def __init__(self, layouts: Layouts) -> None:
         self._one_row = {path: layouts[path].update_shape((1, *layouts[path].shape[1:])) for path in frame_paths()}
 
-    def encode(self, snapshots: Mapping[View, Snapshot | None]) -> EncodedFrames:
+    def encode(self, frames: Mapping[Viewpoint, RgbdFrame | None]) -> EncodedFrames:
         """The chunks of one attempt. The pictures are not needed any more afterwards."""
         chunks: dict[str, Buffer] = {}
         arrays = arrays_with(self._one_row, MemoryStore(chunks))
-        together(overwrite(arrays[path], 0, frame[None]) for path, frame in _frames(snapshots).items())
+        together(overwrite(arrays[path], 0, frame[None]) for path, frame in _frames(frames).items())
         return {key.partition("/c/")[0]: chunk for key, chunk in chunks.items()}
 
 
-def _frames(snapshots: Mapping[View, Snapshot | None]) -> dict[str, NDArray[np.generic]]:
-    frames: dict[str, NDArray[np.generic]] = {}
-    for view, snapshot in snapshots.items():
-        if snapshot is not None:
-            frames |= {f"{view}/rgb": snapshot.rgb, f"{view}/depth": snapshot.depth}
-    return frames
+def _frames(frames: Mapping[Viewpoint, RgbdFrame | None]) -> dict[str, NDArray[np.generic]]:
+    arrays: dict[str, NDArray[np.generic]] = {}
+    for viewpoint, frame in frames.items():
+        if frame is not None:
+            arrays |= {f"{viewpoint}/rgb": frame.rgb, f"{viewpoint}/depth": frame.depth}
+    return arrays

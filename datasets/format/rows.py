@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from handsight.datasets.format.schema import COLUMNS, FAILURE_BYTES, VIEWS, Slots, View
+from handsight.datasets.format.schema import COLUMNS, FAILURE_BYTES, VIEWPOINTS, Slots, Viewpoint
 from handsight.datasets.records import (
     GraspAttempt,
     GripperReadings,
     Outcome,
+    RgbdFrame,
     SceneObjects,
-    Snapshot,
 )
 
 Row = dict[str, NDArray[Any]]
@@ -27,7 +27,7 @@ def to_row(attempt: GraspAttempt, *, slots: Slots) -> Row:
         "number": attempt.number,
         "outcome": int(attempt.outcome),
         "failure": text_to_bytes(attempt.failure, FAILURE_BYTES),
-        "picture_taken": [snapshot_of(attempt, view) is not None for view in VIEWS],
+        "picture_taken": [frame_of(attempt, viewpoint) is not None for viewpoint in VIEWPOINTS],
         "pregrasp_x_y_angle": (attempt.pregrasp_x_m, attempt.pregrasp_y_m, attempt.pregrasp_angle_rad),
         "predicted_success": attempt.predicted_success,
         "pose_base_tool_grasp": attempt.pose_base_tool_grasp,
@@ -53,7 +53,7 @@ def to_row(attempt: GraspAttempt, *, slots: Slots) -> Row:
     return row
 
 
-def from_row(row: Mapping[str, NDArray[Any]], snapshots: Mapping[View, Snapshot | None]) -> GraspAttempt:
+def from_row(row: Mapping[str, NDArray[Any]], frames: Mapping[Viewpoint, RgbdFrame | None]) -> GraspAttempt:
     """The attempt that ``to_row`` was given, from its columns and pictures."""
     x_m, y_m, angle_rad = (float(value) for value in row["pregrasp_x_y_angle"])
     before_m, closed_m, lifted_m, final_m = (float(value) for value in row["gripper_width_m"])
@@ -63,8 +63,8 @@ def from_row(row: Mapping[str, NDArray[Any]], snapshots: Mapping[View, Snapshot 
         number=int(row["number"]),
         outcome=Outcome(int(row["outcome"])),
         failure=text_from_bytes(row["failure"]),
-        overhead=snapshots["overhead"],
-        pregrasp=snapshots["pregrasp"],
+        overhead=frames["overhead"],
+        pregrasp=frames["pregrasp"],
         pregrasp_x_m=x_m,
         pregrasp_y_m=y_m,
         pregrasp_angle_rad=angle_rad,
@@ -116,6 +116,6 @@ def _scene(row: Mapping[str, NDArray[Any]]) -> SceneObjects | None:
     )
 
 
-def snapshot_of(attempt: GraspAttempt, view: View) -> Snapshot | None:
-    """The picture an attempt took from a view; None where it never did."""
-    return attempt.overhead if view == "overhead" else attempt.pregrasp
+def frame_of(attempt: GraspAttempt, viewpoint: Viewpoint) -> RgbdFrame | None:
+    """The picture an attempt took from a viewpoint; None where it never did."""
+    return attempt.overhead if viewpoint == "overhead" else attempt.pregrasp

@@ -33,8 +33,8 @@ from handsight.datasets.records import PHASES, SessionHeader
 SCHEMA_VERSION = 2
 """Written to every new dataset; a dataset with a larger number is refused."""
 
-View = Literal["overhead", "pregrasp"]
-VIEWS: tuple[View, ...] = get_args(View)
+Viewpoint = Literal["overhead", "pregrasp"]
+VIEWPOINTS: tuple[Viewpoint, ...] = get_args(Viewpoint)
 """The pictures an attempt can have, in the order in which they are taken."""
 
 SESSIONS = "sessions"
@@ -92,9 +92,9 @@ COLUMNS = (
     Column(
         name="picture_taken",
         dtype="bool",
-        shape=lambda slots: (len(VIEWS),),
+        shape=lambda slots: (len(VIEWPOINTS),),
         fill=False,
-        description=f"Whether there is a picture: {', '.join(VIEWS)}.",
+        description=f"Whether there is a picture: {', '.join(VIEWPOINTS)}.",
     ),
     Column(
         name="pregrasp_x_y_angle",
@@ -219,8 +219,8 @@ def parse_attempt_id(text: str) -> tuple[str, int]:
 def create_arrays(session: zarr.Group, header: SessionHeader, *, column_rows: int = COLUMN_CHUNK_ROWS) -> None:
     """Create the empty arrays of a session, with ``column_rows`` rows in one chunk of a column."""
     intrinsics = header.station.camera.intrinsics
-    for view in VIEWS:
-        group = session.create_group(view)
+    for viewpoint in VIEWPOINTS:
+        group = session.create_group(viewpoint)
         frame = (intrinsics.height, intrinsics.width)
         create_rgb(group, "rgb", frame=frame)
         create_depth(group, "depth", frame=frame)

@@ -11,16 +11,16 @@ from numpy.typing import NDArray
 
 from handsight.datasets.format.attempts_table import TABLE
 from handsight.datasets.format.header import canonical_json
-from handsight.datasets.format.rows import snapshot_of
-from handsight.datasets.format.schema import FAILURE_BYTES, VIEWS
+from handsight.datasets.format.rows import frame_of
+from handsight.datasets.format.schema import FAILURE_BYTES, VIEWPOINTS
 from handsight.datasets.records import (
     PHASES,
     GraspAttempt,
     GripperReadings,
     Outcome,
+    RgbdFrame,
     SceneObjects,
     SessionHeader,
-    Snapshot,
     StationCard,
 )
 from handsight.servoing.camera import Intrinsics
@@ -53,10 +53,10 @@ def attempt_faults(attempt: GraspAttempt, header: SessionHeader) -> list[str]:
     """What keeps an attempt from being recorded in a session with this header; empty when nothing does."""
     intrinsics = header.station.camera.intrinsics
     faults = []
-    for view in VIEWS:
-        snapshot = snapshot_of(attempt, view)
-        if snapshot is not None:
-            faults += _snapshot_faults(view, snapshot, intrinsics)
+    for viewpoint in VIEWPOINTS:
+        frame = frame_of(attempt, viewpoint)
+        if frame is not None:
+            faults += _frame_faults(viewpoint, frame, intrinsics)
     faults += _motion_faults(attempt)
     faults += _gripper_faults(attempt.gripper)
     faults += _scene_faults(attempt.scene, header)
@@ -104,12 +104,12 @@ def _station_faults(station: StationCard) -> list[str]:
     return faults
 
 
-def _snapshot_faults(name: str, snapshot: Snapshot, intrinsics: Intrinsics) -> list[str]:
-    frame = (intrinsics.height, intrinsics.width)
+def _frame_faults(name: str, frame: RgbdFrame, intrinsics: Intrinsics) -> list[str]:
+    size = (intrinsics.height, intrinsics.width)
     return [
-        *_array_faults(f"{name}.rgb", snapshot.rgb, np.uint8, (*frame, 3)),
-        *_array_faults(f"{name}.depth", snapshot.depth, np.uint16, frame),
-        *_pose_faults(f"{name}.pose_base_tool", snapshot.pose_base_tool),
+        *_array_faults(f"{name}.rgb", frame.rgb, np.uint8, (*size, 3)),
+        *_array_faults(f"{name}.depth", frame.depth, np.uint16, size),
+        *_pose_faults(f"{name}.pose_base_tool", frame.pose_base_tool),
     ]
 
 

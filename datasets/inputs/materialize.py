@@ -1,8 +1,8 @@
 """From raw pictures to network inputs: warped once, kept in a memory-mapped cache.
 
-A dataset stores what the camera saw. What the network reads is derived from it: the picture of one view, warped to the
-pre-grasp pose at which the fixed grasp policy started (section III-B). The cache is keyed by snapshot and transform, so
-it can be deleted at any time and never goes stale: curation and folds are part of the snapshot.
+A dataset stores what the camera saw. What the network reads is derived from it: the picture of one viewpoint, warped to the
+pre-grasp pose at which the fixed grasp policy started (section III-B). The cache is keyed by frame and transform, so
+it can be deleted at any time and never goes stale: curation and folds are part of the frame.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ import torch
 from numpy.typing import NDArray
 
 from handsight.datasets.errors import NoTrainingDataError
-from handsight.datasets.format import schema
+from handsight.datasets.format.schema import Viewpoint
 from handsight.datasets.reading.reader import GraspDataset
-from handsight.datasets.records import Snapshot, StationCard
+from handsight.datasets.records import RgbdFrame, StationCard
 from handsight.datasets.views import station_view
 from handsight.servoing.homography import InputGrid, predict_inputs
 from handsight.servoing.planar import PlanarPose
@@ -61,7 +61,7 @@ class GraspInputs:
 def materialize(
     dataset: GraspDataset,
     *,
-    view: schema.View = "pregrasp",
+    viewpoint: Viewpoint = "pregrasp",
     grid: InputGrid | None = None,
     on_attempt: Callable[[], None] | None = None,
 ) -> GraspInputs:
@@ -69,7 +69,7 @@ def materialize(
 
     Args:
         dataset: The version to read.
-        view: Which picture to warp to the pre-grasp pose: ``pregrasp`` was taken there, ``overhead`` before.
+        viewpoint: Which picture to warp to the pre-grasp pose: ``pregrasp`` was taken there, ``overhead`` before.
         grid: Crop and size of the inputs.
         on_attempt: Called for every input made, not for those found in the cache.
 
@@ -78,32 +78,32 @@ def materialize(
         CorruptDataError: A picture is damaged; the message names the attempt.
     """
     grid = grid or InputGrid()
-    rows = usable_attempts(dataset, view)
-    path = _cache_path(dataset, view, grid)
+    rows = usable_attempts(dataset, viewpoint)
+    path = _cache_path(dataset, viewpoint, grid)
     if not path.exists():
         path.parent.mkdir(parents=True, exist_ok=True)
-        _write(path, dataset, rows, view, grid, on_attempt)
+        _write(path, dataset, rows, viewpoint, grid, on_attempt)
     return GraspInputs(inputs=np.load(path, mmap_mode="r"), attempts=rows)
 
 
-def usable_attempts(dataset: GraspDataset, view: schema.View) -> pd.DataFrame:
+def usable_attempts(dataset: GraspDataset, viewpoint: Viewpoint) -> pd.DataFrame:
     """The rows of the attempts table that inputs can be made of, without making any.
 
     Raises:
         NoTrainingDataError: No attempt of this version has a label and the picture asked for.
     """
     rows = dataset.attempts
-    rows = rows[rows["success"].notna() & ~rows["excluded"] & rows[f"{view}_taken"]]
+    rows = rows[rows["success"].notna() & ~rows["excluded"] & rows[f"{viewpoint}_taken"]]
     if rows.empty:
         raise NoTrainingDataError(
-            f"{dataset.repository.path}@{dataset.ref} has no labelled attempt with a {view} picture that is not "
+            f"{dataset.repository.path}@{dataset.ref} has no labelled attempt with a {viewpoint} picture that is not "
             "excluded, expected some: collect more with 'handsight collect sim', or restore some"
         )
     return rows
 
 
-def _cache_path(dataset: GraspDataset, view: schema.View, grid: InputGrid) -> Path:
-    key = {"snapshot": dataset.snapshot_id, "view": view, "grid": asdict(grid), "version": CACHE_VERSION}
+def _cache_path(dataset: GraspDataset, viewpoint: Viewpoint, grid: InputGrid) -> Path:
+    key = {"snapshot": dataset.snapshot_id, "view": viewpoint, "grid": asdict(grid), "version": CACHE_VERSION}
     digest = hashlib.sha256(json.dumps(key, sort_keys=True).encode()).hexdigest()
     return dataset.repository.side_folder / "inputs" / f"{digest[:32]}.npy"
 
@@ -112,7 +112,7 @@ def _write(
     path: Path,
     dataset: GraspDataset,
     rows: pd.DataFrame,
-    view: schema.View,
+    viewpoint: Viewpoint,
     grid: InputGrid,
     on_attempt: Callable[[], None] | None,
 ) -> None:
@@ -122,7 +122,7 @@ def _write(
     try:
         shape = (len(rows), 4, grid.size_px, grid.size_px)
         inputs = np.lib.format.open_memmap(name, mode="w+", dtype=np.float16, shape=shape)
-        for row, made in enumerate(_warped(dataset, rows, view, grid)):
+        for row, made in enumerate(_warped(dataset, rows, viewpoint, grid)):
             inputs[row] = made
             if on_attempt is not None:
                 on_attempt()
@@ -133,28 +133,28 @@ def _write(
 
 
 def _warped(
-    dataset: GraspDataset, rows: pd.DataFrame, view: schema.View, grid: InputGrid
+    dataset: GraspDataset, rows: pd.DataFrame, viewpoint: Viewpoint, grid: InputGrid
 ) -> Iterator[NDArray[np.float32]]:
     """The inputs in the order of the rows. One thread reads, the others warp; a few pictures are in memory."""
     poses = zip(rows["pregrasp_x_m"], rows["pregrasp_y_m"], rows["pregrasp_angle_rad"], strict=True)
-    pictures = dataset.snapshots(view, rows.index)
+    pictures = dataset.frames(viewpoint, rows.index)
     waiting: deque[Future[NDArray[np.float32]]] = deque()
     # Threads, not processes: decoding and warping release the interpreter, and Icechunk must not be forked.
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        for (attempt, snapshot), (x_m, y_m, angle_rad) in zip(pictures, poses, strict=True):
+        for (attempt, frame), (x_m, y_m, angle_rad) in zip(pictures, poses, strict=True):
             goal = PlanarPose(x_m=x_m, y_m=y_m, angle_rad=angle_rad)
-            waiting.append(pool.submit(grasp_input, snapshot, dataset.station(attempt), goal, grid))
+            waiting.append(pool.submit(grasp_input, frame, dataset.station(attempt), goal, grid))
             if len(waiting) == _PICTURES_AHEAD:
                 yield waiting.popleft().result()
         yield from (one.result() for one in waiting)
 
 
-def grasp_input(snapshot: Snapshot, station: StationCard, goal: PlanarPose, grid: InputGrid) -> NDArray[np.float32]:
+def grasp_input(frame: RgbdFrame, station: StationCard, goal: PlanarPose, grid: InputGrid) -> NDArray[np.float32]:
     """The network input for a grasp at ``goal``, predicted from a picture taken elsewhere. Shape (4, size, size)."""
-    taken_at = PlanarPose.from_pose_base_tool(snapshot.pose_base_tool)
+    taken_at = PlanarPose.from_pose_base_tool(frame.pose_base_tool)
     step = taken_at.step_to(goal)
-    prepared = PreparedView.from_view(station_view(snapshot, station), pixels_per_cell=grid.pixels_per_cell)
+    prepared = PreparedView.from_view(station_view(frame, station), pixels_per_cell=grid.pixels_per_cell)
     steps = torch.tensor([[step.dx_m, step.dy_m, step.dangle_rad]], dtype=torch.float32)
-    drop_m = float(snapshot.pose_base_tool[2, 3]) - station.pregrasp_height_m
+    drop_m = float(frame.pose_base_tool[2, 3]) - station.pregrasp_height_m
     inputs = predict_inputs(prepared, steps, grid=grid, view_plane_m=prepared.plane_m - drop_m)
     return inputs[0].numpy()

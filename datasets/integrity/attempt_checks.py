@@ -13,10 +13,10 @@ from handsight.datasets.errors import CorruptDataError
 from handsight.datasets.format.arrays import Arrays, group_at, read_rows
 from handsight.datasets.format.digest import attempt_digest
 from handsight.datasets.format.rows import Row, from_row
-from handsight.datasets.format.schema import COLUMNS, SESSIONS, VIEWS, View, attempt_id
+from handsight.datasets.format.schema import COLUMNS, SESSIONS, VIEWPOINTS, Viewpoint, attempt_id
 from handsight.datasets.format.sessions import SessionInfo
 from handsight.datasets.reading.reader import GraspDataset
-from handsight.datasets.records import Snapshot
+from handsight.datasets.records import RgbdFrame
 from handsight.datasets.writing.blocks import chunk_start, column_paths, session_arrays
 
 _BLOCK_FRAMES = 8
@@ -93,30 +93,34 @@ class AttemptChecker:
     def _check_block(self, block: Stretch) -> Checked:
         """Attempts whose pictures are decoded together; one by one where that fails."""
         try:
-            pictures = {view: self._pictures(block, view) for view in VIEWS}
+            pictures = {viewpoint: self._pictures(block, viewpoint) for viewpoint in VIEWPOINTS}
         except CorruptDataError as error:
             pieces = block.cut(1)
             return Checked.together(map(self._check_block, pieces)) if len(pieces) > 1 else _corrupt(block, error)
         numbers = range(block.start, block.stop)
         return Checked.together(
-            self._check_attempt(block.session, number, {view: pictures[view][number - block.start] for view in VIEWS})
+            self._check_attempt(
+                block.session,
+                number,
+                {viewpoint: pictures[viewpoint][number - block.start] for viewpoint in VIEWPOINTS},
+            )
             for number in numbers
         )
 
-    def _pictures(self, block: Stretch, view: View) -> list[Snapshot]:
+    def _pictures(self, block: Stretch, viewpoint: Viewpoint) -> list[RgbdFrame]:
         arrays = self._arrays[block.session]
-        rgb, depth = (_read_whole(arrays[f"{view}/{name}"], block.start, block.stop) for name in ("rgb", "depth"))
-        poses = self._columns.rows(f"{view}/pose_base_tool", block.start, block.stop)
+        rgb, depth = (_read_whole(arrays[f"{viewpoint}/{name}"], block.start, block.stop) for name in ("rgb", "depth"))
+        poses = self._columns.rows(f"{viewpoint}/pose_base_tool", block.start, block.stop)
         frames = zip(rgb, depth, poses, strict=True)
-        return [Snapshot(rgb=colours, depth=raw, pose_base_tool=pose) for colours, raw, pose in frames]
+        return [RgbdFrame(rgb=colours, depth=raw, pose_base_tool=pose) for colours, raw, pose in frames]
 
-    def _check_attempt(self, ulid: str, number: int, pictures: Mapping[View, Snapshot]) -> Checked:
+    def _check_attempt(self, ulid: str, number: int, pictures: Mapping[Viewpoint, RgbdFrame]) -> Checked:
         row = {column.name: self._columns.rows(f"attempts/{column.name}", number, number + 1)[0] for column in COLUMNS}
-        taken = dict(zip(VIEWS, row["picture_taken"], strict=True))
-        snapshots = {view: pictures[view] if taken[view] else None for view in VIEWS}
-        fault = _fault(self._sessions[ulid], number, row, snapshots)
+        taken = dict(zip(VIEWPOINTS, row["picture_taken"], strict=True))
+        frames = {viewpoint: pictures[viewpoint] if taken[viewpoint] else None for viewpoint in VIEWPOINTS}
+        fault = _fault(self._sessions[ulid], number, row, frames)
         size = sum(values.nbytes for values in row.values())
-        size += sum(one.rgb.nbytes + one.depth.nbytes for one in snapshots.values() if one is not None)
+        size += sum(one.rgb.nbytes + one.depth.nbytes for one in frames.values() if one is not None)
         return Checked(attempts=1, bytes=size, faults={attempt_id(ulid, number): fault} if fault else {})
 
 
@@ -151,11 +155,11 @@ def _read_whole(array: zarr.Array[Any], start: int, stop: int) -> NDArray[Any]:
     return rows
 
 
-def _fault(session: SessionInfo, number: int, row: Row, snapshots: Mapping[View, Snapshot | None]) -> str | None:
+def _fault(session: SessionInfo, number: int, row: Row, frames: Mapping[Viewpoint, RgbdFrame | None]) -> str | None:
     if int(row["number"]) != number:
         return f"row {number} holds the number {int(row['number'])}"
     try:
-        found = attempt_digest(from_row(row, snapshots), session.header.station)
+        found = attempt_digest(from_row(row, frames), session.header.station)
     except (ValueError, IndexError) as error:
         return f"its values make no attempt: {error}"
     recorded = row["digest"].tobytes()

@@ -19,7 +19,7 @@ from handsight.datasets.curation.curator import Curator
 from handsight.datasets.errors import CorruptDataError
 from handsight.datasets.format.arrays import array_at, group_at, read_rows
 from handsight.datasets.format.decisions import REASON_BYTES
-from handsight.datasets.format.schema import FAILURE_BYTES, SESSIONS, VIEWS, parse_attempt_id
+from handsight.datasets.format.schema import FAILURE_BYTES, SESSIONS, VIEWPOINTS, parse_attempt_id
 from handsight.datasets.integrity.verify import VerifyReport
 from handsight.datasets.reading.reader import GraspDataset
 from handsight.datasets.reading.selection import Selection
@@ -170,12 +170,12 @@ def _replace_columns(group: zarr.Group, prepared: Mapping[int, PreparedAttempt])
 
 
 def _replace_pictures(group: zarr.Group, prepared: Mapping[int, PreparedAttempt]) -> None:
-    for view in VIEWS:
+    for viewpoint in VIEWPOINTS:
         for name in ("rgb", "depth"):
-            array = array_at(group, f"{view}/{name}")
+            array = array_at(group, f"{viewpoint}/{name}")
             for number, one in prepared.items():
-                snapshot = one.snapshots[view]
-                array[number] = 0 if snapshot is None else getattr(snapshot, name)
+                frame = one.frames[viewpoint]
+                array[number] = 0 if frame is None else getattr(frame, name)
 
 
 def _exclude(repository: GraspRepository, branch: str, author: str, faults: Mapping[str, str]) -> None:

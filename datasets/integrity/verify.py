@@ -20,7 +20,7 @@ from handsight.datasets.curation.folds import FOLDS
 from handsight.datasets.errors import StorageError
 from handsight.datasets.format.arrays import READ_FAILURES, array_at, group_at, read_rows
 from handsight.datasets.format.decisions import CURATION
-from handsight.datasets.format.saved_views import VIEWS_GROUP
+from handsight.datasets.format.saved_filters import FILTERS_GROUP
 from handsight.datasets.format.schema import COLUMNS, SESSIONS, Slots
 from handsight.datasets.format.sessions import attribute_damage
 from handsight.datasets.integrity.attempt_checks import AttemptChecker, Checked, Stretch
@@ -46,7 +46,7 @@ class VerifyReport:
     faults: dict[str, str]
     """Why an attempt is corrupt, by its id."""
     damage: tuple[str, ...]
-    """Damage to what belongs to no single attempt: session headers, curation, folds, views."""
+    """Damage to what belongs to no single attempt: session headers, curation, folds, filters."""
 
     @property
     def corrupt(self) -> tuple[str, ...]:
@@ -119,12 +119,12 @@ def _check(stretch: Stretch) -> Checked:
 
 
 def _damage_beside(root: zarr.Group) -> Iterator[str]:
-    """Reads what the dataset holds beside its attempts: how sessions are described, curation, views, folds."""
+    """Reads what the dataset holds beside its attempts: how sessions are described, curation, filters, folds."""
     try:
         for ulid, session in sorted(group_at(root, SESSIONS).groups()):
             yield from (f"session {ulid}: {fault}" for fault in _session_faults(session))
         for name in sorted(set(root.group_keys()) - {SESSIONS}):
-            if name not in (CURATION, FOLDS, VIEWS_GROUP):
+            if name not in (CURATION, FOLDS, FILTERS_GROUP):
                 yield f"there is a group {name!r}, which handsight does not make"
             for _, node in sorted(group_at(root, name).members(max_depth=None)):
                 if isinstance(node, zarr.Array):

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import pandas as pd
 
 from handsight.datasets.errors import ListingError, WhereError
-from handsight.datasets.format.saved_views import read_views
+from handsight.datasets.format.saved_filters import read_filters
 from handsight.datasets.reading.reader import GraspDataset
 from handsight.datasets.reading.selection import check_where, columns_in, expressions, matches, nearest
 
@@ -23,8 +23,8 @@ class Listing:
 
     where: str = ""
     """An expression that holds for the attempts wanted; empty for none."""
-    view: str = ""
-    """Name of a saved view; empty for none. With ``where``, both must hold."""
+    filter: str = ""
+    """Name of a saved filter; empty for none. With ``where``, both must hold."""
     sort: str = ""
     """Column to order by, the smallest first and what is missing last; empty for none. Equals keep their order."""
     reverse: bool = False
@@ -51,7 +51,7 @@ def list_attempts(dataset: GraspDataset, listing: Listing) -> Listed:
     """Find the attempts asked for. Reads no pictures.
 
     Raises:
-        ListingError: There is no such column or view, an expression is not sound, or the limit is negative; the
+        ListingError: There is no such column or filter, an expression is not sound, or the limit is negative; the
             message lists every fault.
         WhereError: An expression yields no truth values.
     """
@@ -77,10 +77,12 @@ def _checked(dataset: GraspDataset, listing: Listing) -> list[str]:
     faults += _unknown_columns([*_sort_column(listing), *(listing.columns or ())], known)
     conditions: list[str] = []
     try:
-        conditions = expressions(listing.where, listing.view, read_views(dataset.repository.root(dataset.snapshot_id)))
+        conditions = expressions(
+            listing.where, listing.filter, read_filters(dataset.repository.root(dataset.snapshot_id))
+        )
     except WhereError as error:
         faults.append(str(error))
-    # A view that is missing does not keep the expression beside it from being checked.
+    # A filter that is missing does not keep the expression beside it from being checked.
     for where in conditions or ([listing.where] if listing.where else []):
         try:
             check_where(none, where)

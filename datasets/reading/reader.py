@@ -16,8 +16,8 @@ from handsight.datasets.address import DatasetAddress
 from handsight.datasets.errors import (
     AttemptNotFoundError,
     CorruptDataError,
+    FrameNotFoundError,
     SessionNotFoundError,
-    SnapshotNotFoundError,
 )
 from handsight.datasets.format.arrays import array_at, group_at, read_rows
 from handsight.datasets.format.attempts_table import LazyColumns, attempts_table
@@ -28,19 +28,19 @@ from handsight.datasets.format.schema import (
     COLUMNS,
     SCHEMA_VERSION,
     SESSIONS,
-    VIEWS,
-    View,
+    VIEWPOINTS,
+    Viewpoint,
     attempt_id,
     parse_attempt_id,
 )
 from handsight.datasets.format.sessions import SessionInfo, read_sessions
 from handsight.datasets.reading.info import DatasetInfo, bytes_stored
-from handsight.datasets.records import GraspAttempt, Outcome, Snapshot, StationCard
+from handsight.datasets.records import GraspAttempt, Outcome, RgbdFrame, StationCard
 from handsight.datasets.store.layout import check_current
 from handsight.datasets.store.repository import GraspRepository
 
 _BLOCK_FRAMES = 16
-"""Frames decoded at a time by :meth:`GraspDataset.snapshots`, about 25 MB at 640x480."""
+"""Frames decoded at a time by :meth:`GraspDataset.frames`, about 25 MB at 640x480."""
 
 
 class GraspDataset:
@@ -194,42 +194,42 @@ class GraspDataset:
         """
         ulid, number = self._locate(attempt)
         row = {column.name: self._column(ulid, column.name, number, number + 1)[0] for column in COLUMNS}
-        snapshots: dict[View, Snapshot | None] = dict.fromkeys(VIEWS)
-        for view, taken in zip(VIEWS, row["picture_taken"], strict=True):
+        frames: dict[Viewpoint, RgbdFrame | None] = dict.fromkeys(VIEWPOINTS)
+        for viewpoint, taken in zip(VIEWPOINTS, row["picture_taken"], strict=True):
             if taken:
-                ((_, snapshots[view]),) = self._read_run(view, ulid, number, number + 1)
-        return from_row(row, snapshots)
+                ((_, frames[viewpoint]),) = self._read_range(viewpoint, ulid, number, number + 1)
+        return from_row(row, frames)
 
-    def snapshot(self, attempt: str, view: View = "overhead") -> Snapshot:
+    def frame(self, attempt: str, viewpoint: Viewpoint = "overhead") -> RgbdFrame:
         """One picture of an attempt.
 
         Raises:
             AttemptNotFoundError: There is no such attempt.
-            SnapshotNotFoundError: The attempt never got to take the picture.
+            FrameNotFoundError: The attempt never got to take the picture.
             CorruptDataError: Its bytes are damaged.
         """
-        ((_, snapshot),) = self.snapshots(view, [attempt])
-        return snapshot
+        ((_, frame),) = self.frames(viewpoint, [attempt])
+        return frame
 
-    def snapshots(self, view: View, ids: Iterable[str] | None = None) -> Iterator[tuple[str, Snapshot]]:
-        """The pictures of a view, one after another, in the order of the ids; a few frames are in memory at a time.
+    def frames(self, viewpoint: Viewpoint, ids: Iterable[str] | None = None) -> Iterator[tuple[str, RgbdFrame]]:
+        """The frames of a viewpoint, one after another, in the order of the ids; a few of them are in memory at a time.
 
         Without ids, those of all attempts that took one. Neighbouring attempts are read together, so ids in the order
         of the table are read fastest.
 
         Raises:
             AttemptNotFoundError: There is no such attempt.
-            SnapshotNotFoundError: An attempt among the ids never got to take the picture.
+            FrameNotFoundError: An attempt among the ids never got to take the picture.
             CorruptDataError: The bytes of a picture are damaged; the message names the attempt.
         """
-        taken = self._taken(view)
+        taken = self._taken(viewpoint)
         located = taken if ids is None else [self._locate(attempt) for attempt in ids]
         missing = sorted(set(located) - set(taken))
         if missing:
             names = ", ".join(attempt_id(*one) for one in missing[:5])
             more = "" if len(missing) <= 5 else f" and {len(missing) - 5} more"
-            raise SnapshotNotFoundError(f"{self._name} has no {view} picture of {names}{more}: never taken")
-        return self._read_runs(view, located)
+            raise FrameNotFoundError(f"{self._name} has no {viewpoint} picture of {names}{more}: never taken")
+        return self._read_ranges(viewpoint, located)
 
     @property
     def _name(self) -> str:
@@ -241,39 +241,40 @@ class GraspDataset:
             raise AttemptNotFoundError(f"{self._name} has no attempt {attempt!r}: see 'handsight dataset ls'")
         return ulid, number
 
-    def _taken(self, view: View) -> list[tuple[str, int]]:
-        at = VIEWS.index(view)
+    def _taken(self, viewpoint: Viewpoint) -> list[tuple[str, int]]:
+        at = VIEWPOINTS.index(viewpoint)
         return [
             (session.ulid, int(number))
             for session in self.sessions
             for number in np.flatnonzero(self._column(session.ulid, "picture_taken")[:, at])
         ]
 
-    def _read_runs(self, view: View, located: list[tuple[str, int]]) -> Iterator[tuple[str, Snapshot]]:
+    def _read_ranges(self, viewpoint: Viewpoint, located: list[tuple[str, int]]) -> Iterator[tuple[str, RgbdFrame]]:
         first = 0
         for last, (ulid, number) in enumerate(located):
             full = last + 1 - first == _BLOCK_FRAMES
             if full or last + 1 == len(located) or located[last + 1] != (ulid, number + 1):
-                yield from self._read_run(view, ulid, located[first][1], number + 1)
+                yield from self._read_range(viewpoint, ulid, located[first][1], number + 1)
                 first = last + 1
 
-    def _read_run(self, view: View, ulid: str, start: int, stop: int) -> list[tuple[str, Snapshot]]:
+    def _read_range(self, viewpoint: Viewpoint, ulid: str, start: int, stop: int) -> list[tuple[str, RgbdFrame]]:
         """The pictures of neighbouring attempts; when one is damaged, the error names its attempt."""
         group = self._group(ulid)
         try:
             rgb, depth, poses = (
-                read_rows(array_at(group, f"{view}/{name}"), start, stop) for name in ("rgb", "depth", "pose_base_tool")
+                read_rows(array_at(group, f"{viewpoint}/{name}"), start, stop)
+                for name in ("rgb", "depth", "pose_base_tool")
             )
         except CorruptDataError as error:
             if stop - start > 1:
                 for number in range(start, stop):
-                    self._read_run(view, ulid, number, number + 1)
+                    self._read_range(viewpoint, ulid, number, number + 1)
                 raise
             raise CorruptDataError(f"attempt {attempt_id(ulid, start)}: {error}") from error
         return [
             (
                 attempt_id(ulid, start + at),
-                Snapshot(rgb=rgb[at], depth=depth[at], pose_base_tool=poses[at]),
+                RgbdFrame(rgb=rgb[at], depth=depth[at], pose_base_tool=poses[at]),
             )
             for at in range(stop - start)
         ]

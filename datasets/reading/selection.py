@@ -1,4 +1,4 @@
-"""Which attempts are meant: by id, by a ``--where`` expression over the attempts table, or by a saved view.
+"""Which attempts are meant: by id, by a ``--where`` expression over the attempts table, or by a saved filter.
 
 An expression is written as for ``DataFrame.query``: ``target == "cup" and width_final_m < 0.004 and not excluded``.
 It may come from a script or another person, so it is checked before it is evaluated: columns, constants, comparisons,
@@ -78,32 +78,32 @@ class Selection:
     ids: tuple[str, ...] = ()
     where: str = ""
     """An expression; empty for none."""
-    view: str = ""
-    """Name of a saved view; empty for none. With ``where``, both must hold."""
+    filter: str = ""
+    """Name of a saved filter; empty for none. With ``where``, both must hold."""
 
     def __post_init__(self) -> None:
-        if bool(self.ids) == bool(self.where or self.view):
-            got = f"ids {', '.join(self.ids[:3]) or 'none'}, where {self.where!r}, view {self.view!r}"
-            raise WhereError(f"the attempts are named by {got}: expected either ids or an expression or view")
+        if bool(self.ids) == bool(self.where or self.filter):
+            got = f"ids {', '.join(self.ids[:3]) or 'none'}, where {self.where!r}, filter {self.filter!r}"
+            raise WhereError(f"the attempts are named by {got}: expected either ids or an expression or filter")
 
     def __str__(self) -> str:
         if self.ids:
             return ", ".join(self.ids[:3]) + (f" and {len(self.ids) - 3} more" if len(self.ids) > 3 else "")
-        parts = [f"view {self.view}"] * bool(self.view) + [self.where] * bool(self.where)
+        parts = [f"filter {self.filter}"] * bool(self.filter) + [self.where] * bool(self.where)
         return " and ".join(parts)
 
 
-def select(table: pd.DataFrame, selection: Selection, views: dict[str, str]) -> list[str]:
+def select(table: pd.DataFrame, selection: Selection, filters: dict[str, str]) -> list[str]:
     """The ids of the attempts meant, each once, in the order of the table.
 
     Args:
         table: The attempts of a version.
         selection: What is wanted.
-        views: Expressions of the saved views by name.
+        filters: Expressions of the saved filters by name.
 
     Raises:
         AttemptNotFoundError: Some of the ids are not in the table; the message lists them.
-        WhereError: An expression is not sound, or there is no such view.
+        WhereError: An expression is not sound, or there is no such filter.
     """
     if selection.ids:
         missing = sorted(set(selection.ids) - set(table.index))
@@ -114,22 +114,23 @@ def select(table: pd.DataFrame, selection: Selection, views: dict[str, str]) -> 
             )
         return table.index[table.index.isin(selection.ids)].tolist()
     chosen = pd.Series(True, index=table.index)
-    for where in expressions(selection.where, selection.view, views):
+    for where in expressions(selection.where, selection.filter, filters):
         chosen &= matches(table, where)
     return table.index[chosen].tolist()
 
 
-def expressions(where: str, view: str, views: dict[str, str]) -> list[str]:
-    """The expressions that must all hold: that of the saved view and the one given, where there are such.
+def expressions(where: str, name: str, filters: dict[str, str]) -> list[str]:
+    """The expressions that must all hold: that of the saved filter and the one given, where there are such.
 
     Raises:
-        WhereError: There is no such view.
+        WhereError: There is no such filter.
     """
-    if view and view not in views:
+    if name and name not in filters:
         raise WhereError(
-            f"there is no saved view {view!r}{nearest(view, views)} (views: {', '.join(sorted(views)) or 'none'})"
+            f"there is no saved filter {name!r}{nearest(name, filters)} "
+            f"(filters: {', '.join(sorted(filters)) or 'none'})"
         )
-    return ([views[view]] if view else []) + ([where] if where else [])
+    return ([filters[name]] if name else []) + ([where] if where else [])
 
 
 def matches(table: pd.DataFrame, where: str) -> pd.Series[bool]:

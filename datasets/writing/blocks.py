@@ -25,18 +25,18 @@ from handsight.datasets.format.arrays import (
 )
 from handsight.datasets.format.digest import attempt_digest
 from handsight.datasets.format.frames import EncodedFrames, frame_paths
-from handsight.datasets.format.rows import snapshot_of, to_row
+from handsight.datasets.format.rows import frame_of, to_row
 from handsight.datasets.format.schema import (
     COLUMN_CHUNK_ROWS,
     COLUMNS,
-    VIEWS,
-    View,
+    VIEWPOINTS,
+    Viewpoint,
     create_array,
     create_arrays,
     slots_of,
 )
 from handsight.datasets.format.validation import attempt_faults
-from handsight.datasets.records import GraspAttempt, SessionHeader, Snapshot
+from handsight.datasets.records import GraspAttempt, RgbdFrame, SessionHeader
 
 Columns = dict[str, NDArray[Any]]
 """The values of one attempt by the path of their array in the session's group: everything but the frames."""
@@ -53,7 +53,7 @@ class PreparedAttempt:
     """A valid attempt, ready to be written."""
 
     columns: Columns
-    snapshots: dict[View, Snapshot | None]
+    frames: dict[Viewpoint, RgbdFrame | None]
 
 
 def prepare(attempt: GraspAttempt, header: SessionHeader, *, session: str, number: int) -> PreparedAttempt:
@@ -69,10 +69,10 @@ def prepare(attempt: GraspAttempt, header: SessionHeader, *, session: str, numbe
         raise RecordError(f"attempt {attempt.number} of session {session} is refused: {'; '.join(faults)}")
     row = to_row(attempt, slots=slots_of(header))
     row["digest"] = np.frombuffer(attempt_digest(attempt, header.station), dtype=np.uint8)
-    snapshots = {view: snapshot_of(attempt, view) for view in VIEWS}
+    frames = {viewpoint: frame_of(attempt, viewpoint) for viewpoint in VIEWPOINTS}
     columns = {f"attempts/{name}": value for name, value in row.items()}
-    poses = {f"{view}/pose_base_tool": _pose(snapshot) for view, snapshot in snapshots.items()}
-    return PreparedAttempt(columns={**columns, **poses}, snapshots=snapshots)
+    poses = {f"{viewpoint}/pose_base_tool": _pose(frame) for viewpoint, frame in frames.items()}
+    return PreparedAttempt(columns={**columns, **poses}, frames=frames)
 
 
 def new_layouts(header: SessionHeader) -> Layouts:
@@ -121,7 +121,9 @@ def read_last_chunks(arrays: Arrays, *, stored: int) -> LastChunks:
 
 def column_paths() -> list[str]:
     """Paths, in a session's group, of all arrays but those of the pictures."""
-    return [f"attempts/{column.name}" for column in COLUMNS] + [f"{view}/pose_base_tool" for view in VIEWS]
+    return [f"attempts/{column.name}" for column in COLUMNS] + [
+        f"{viewpoint}/pose_base_tool" for viewpoint in VIEWPOINTS
+    ]
 
 
 def rechunk_columns(group: zarr.Group, rows: int) -> None:
@@ -145,5 +147,5 @@ def chunk_start(row: int, rows: int) -> int:
     return row - row % rows
 
 
-def _pose(snapshot: Snapshot | None) -> NDArray[np.float64]:
-    return np.full((4, 4), np.nan) if snapshot is None else snapshot.pose_base_tool.copy()
+def _pose(frame: RgbdFrame | None) -> NDArray[np.float64]:
+    return np.full((4, 4), np.nan) if frame is None else frame.pose_base_tool.copy()

@@ -2,7 +2,7 @@
 
 Icechunk can only move a branch back, which drops its later history. A revert copies instead: sessions that are not in
 the wanted version are removed, those that differ get its rows from the first differing one on, and everything else of
-the dataset (curation, views, folds) becomes what it was. The cost grows with the difference, the commits in between
+the dataset (curation, filters, folds) becomes what it was. The cost grows with the difference, the commits in between
 stay in the log, and a revert can itself be reverted.
 """
 

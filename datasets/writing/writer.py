@@ -133,7 +133,7 @@ class SessionWriter:
         """
         self.repository.check_process()
         prepared = prepare(attempt, self.header, session=self.session, number=self.next_number)
-        frames = self._encoder.encode(prepared.snapshots)
+        frames = self._encoder.encode(prepared.frames)
         self._rows.append(prepared.columns)
         self._frames.append(frames)
         return attempt_id(self.session, attempt.number)

@@ -20,10 +20,10 @@ from handsight.datasets import (
     GraspRepository,
     GripperReadings,
     Outcome,
+    RgbdFrame,
     SceneObjects,
     SessionHeader,
     SessionWriter,
-    Snapshot,
     StationCard,
 )
 from handsight.servoing.camera import HandCamera, Intrinsics
@@ -91,10 +91,10 @@ def make_attempt(header: SessionHeader, number: int, *, outcome: Outcome | None 
     )
 
 
-def make_snapshot(header: SessionHeader, rng: np.random.Generator) -> Snapshot:
+def make_snapshot(header: SessionHeader, rng: np.random.Generator) -> RgbdFrame:
     intrinsics = header.station.camera.intrinsics
     frame = (intrinsics.height, intrinsics.width)
-    return Snapshot(
+    return RgbdFrame(
         rgb=rng.integers(0, 256, (*frame, 3), dtype=np.uint8),
         depth=rng.integers(0, 2**16, frame, dtype=np.uint16),
         pose_base_tool=make_pose(rng),

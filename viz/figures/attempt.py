@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.gridspec import GridSpec
 
-from handsight.datasets.records import GraspAttempt, Snapshot, StationCard
+from handsight.datasets.records import GraspAttempt, RgbdFrame, StationCard
 from handsight.datasets.views import station_view
 from handsight.servoing.planar import PlanarPose
 from handsight.viz import palette
@@ -54,17 +54,17 @@ def attempt_figure(path: Path, name: str, attempt: GraspAttempt, station: Statio
     """
     check_figure_path(path, ".png")
     pictures = zip(NAMES, (attempt.overhead, attempt.pregrasp), strict=True)
-    taken = [(view, snapshot) for view, snapshot in pictures if snapshot is not None]
+    taken = [(view, frame) for view, frame in pictures if frame is not None]
     if not taken:
         raise FigureError(f"attempt {name} ended before it took a picture ({attempt.failure}): choose another")
     with mpl.rc_context({**STYLE, "text.parse_math": False}):
         figure, grid = _sheet(len(taken), station)
-        for row, (view, snapshot) in enumerate(taken):
+        for row, (view, frame) in enumerate(taken):
             rgb, depth = figure.add_subplot(grid[row, 0]), figure.add_subplot(grid[row, 1])
-            rgb.imshow(snapshot.rgb, interpolation="antialiased")
-            heights = _draw_heights(depth, snapshot, station)
+            rgb.imshow(frame.rgb, interpolation="antialiased")
+            heights = _draw_heights(depth, frame, station)
             for axes in (rgb, depth):
-                _draw_grasp(axes, attempt, snapshot, station, success=success)
+                _draw_grasp(axes, attempt, frame, station, success=success)
                 frame_picture(axes, station.camera.intrinsics)
             rgb.set_ylabel(view, fontsize=8, labelpad=5)
         _draw_scale(figure, heights)
@@ -91,15 +91,15 @@ def _sheet(rows: int, station: StationCard) -> tuple[Figure, GridSpec]:
     return Figure(figsize=(WIDTH_PX / DPI, height_px / DPI), dpi=DPI, facecolor="white"), grid
 
 
-def _table_m(snapshot: Snapshot, station: StationCard) -> float:
+def _table_m(frame: RgbdFrame, station: StationCard) -> float:
     """Distance of the table top from the camera [m]."""
-    return float(snapshot.pose_base_tool[2, 3]) - station.camera.z_tool_camera_m
+    return float(frame.pose_base_tool[2, 3]) - station.camera.z_tool_camera_m
 
 
-def _draw_heights(axes: Axes, snapshot: Snapshot, station: StationCard) -> AxesImage:
-    view = station_view(snapshot, station)
+def _draw_heights(axes: Axes, frame: RgbdFrame, station: StationCard) -> AxesImage:
+    view = station_view(frame, station)
     axes.set_facecolor(UNMEASURED)
-    height_m = np.where(view.valid, _table_m(snapshot, station) - view.depth_m, np.nan)
+    height_m = np.where(view.valid, _table_m(frame, station) - view.depth_m, np.nan)
     # Reversed, so that heights have the colours that depth has in the other figures.
     return axes.imshow(
         1e2 * height_m,
@@ -111,16 +111,16 @@ def _draw_heights(axes: Axes, snapshot: Snapshot, station: StationCard) -> AxesI
 
 
 def _draw_grasp(
-    axes: Axes, attempt: GraspAttempt, snapshot: Snapshot, station: StationCard, *, success: bool | None
+    axes: Axes, attempt: GraspAttempt, frame: RgbdFrame, station: StationCard, *, success: bool | None
 ) -> None:
     """The open jaws at the pre-grasp pose, if one was chosen, in the colour of the label."""
     goal = PlanarPose(x_m=attempt.pregrasp_x_m, y_m=attempt.pregrasp_y_m, angle_rad=attempt.pregrasp_angle_rad)
     if not np.isfinite([goal.x_m, goal.y_m, goal.angle_rad]).all():
         return
-    step = PlanarPose.from_pose_base_tool(snapshot.pose_base_tool).step_to(goal)
+    step = PlanarPose.from_pose_base_tool(frame.pose_base_tool).step_to(goal)
     draw_jaws(
         axes,
-        PictureFrame(camera=station.camera, plane_m=_table_m(snapshot, station)),
+        PictureFrame(camera=station.camera, plane_m=_table_m(frame, station)),
         (step.dx_m, step.dy_m, step.dangle_rad),
         width_m=station.gripper_stroke_m,
         colour=palette.CHOSEN if success is None else palette.HELD if success else palette.EMPTY,

@@ -14,7 +14,7 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from handsight.datasets.records import SceneObjects, Snapshot, StationCard
+from handsight.datasets.records import RgbdFrame, SceneObjects, StationCard
 from handsight.servoing.camera import HandCamera
 from handsight.viz import palette
 
@@ -52,18 +52,16 @@ def pose_base_camera(camera: HandCamera, pose_base_tool: NDArray[np.float64]) ->
     return pose
 
 
-def back_project(snapshot: Snapshot, card: StationCard, *, stride_px: int = STRIDE_PX) -> HeightField:
+def back_project(frame: RgbdFrame, card: StationCard, *, stride_px: int = STRIDE_PX) -> HeightField:
     """Lift every ``stride_px``-th pixel of a picture into the base frame."""
     k = card.camera.intrinsics
-    depth = snapshot.depth[::stride_px, ::stride_px]
+    depth = frame.depth[::stride_px, ::stride_px]
     depth_m = depth.astype(np.float64) * card.depth_scale_m
     row, column = np.mgrid[0 : k.height : stride_px, 0 : k.width : stride_px]
     rays = np.stack([(column - k.cx) / k.fx, (row - k.cy) / k.fy, np.ones(row.shape)], axis=-1)  # (R, C, 3)
-    pose = pose_base_camera(card.camera, snapshot.pose_base_tool)
+    pose = pose_base_camera(card.camera, frame.pose_base_tool)
     points_m = (rays * depth_m[..., None]) @ pose[:3, :3].T + pose[:3, 3]
-    return HeightField(
-        points_m=points_m.astype(np.float32), rgb=snapshot.rgb[::stride_px, ::stride_px], valid=depth > 0
-    )
+    return HeightField(points_m=points_m.astype(np.float32), rgb=frame.rgb[::stride_px, ::stride_px], valid=depth > 0)
 
 
 def objects_mesh(field: HeightField) -> rr.Mesh3D | None:
@@ -113,7 +111,9 @@ def table_colour(field: HeightField) -> palette.Rgb:
     return red, green, blue
 
 
-def log_scene(recording: rr.RecordingStream, overhead: Snapshot, card: StationCard, scene: SceneObjects | None) -> None:
+def log_scene(
+    recording: rr.RecordingStream, overhead: RgbdFrame, card: StationCard, scene: SceneObjects | None
+) -> None:
     """Log table and objects, for all time."""
     field = back_project(overhead, card)
     x_m, y_m = overhead.pose_base_tool[:2, 3]

@@ -10,11 +10,11 @@ import numpy as np
 import pandas as pd
 
 from handsight.datasets.errors import CorruptDataError
-from handsight.datasets.format.schema import VIEWS
+from handsight.datasets.format.schema import VIEWPOINTS
 from handsight.datasets.integrity.doctor.findings import Finding, Severity, about, whole
 from handsight.datasets.integrity.doctor.near_duplicates import picture_hash
 from handsight.datasets.reading.reader import GraspDataset
-from handsight.datasets.records import Snapshot
+from handsight.datasets.records import RgbdFrame
 
 _BLANK_DEVIATION = 1.0
 """Standard deviation of the grey levels below which a picture shows nothing."""
@@ -28,7 +28,7 @@ _DEPTH_RATIO = (0.4, 1.5)
 _STEP = 4
 """Every so many pixels of a row and of a column are looked at."""
 
-_COLUMNS = ["attempt", "session", "view", "digest", "deviation", "holes", "depth_ratio"]
+_COLUMNS = ["attempt", "session", "viewpoint", "digest", "deviation", "holes", "depth_ratio"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,7 +36,7 @@ class PictureFacts:
     """What the checks need of all pictures, in the order of the attempts."""
 
     table: pd.DataFrame
-    """One row for each picture: attempt, session, view, digest of its colours, deviation of its grey levels, share of
+    """One row for each picture: attempt, session, viewpoint, digest of its colours, deviation of its grey levels, share of
     holes, median depth against the camera's height."""
     hashes: dict[str, int]
     """Perceptual hash of each overhead picture by attempt."""
@@ -51,12 +51,14 @@ def picture_facts(dataset: GraspDataset, on_picture: Callable[[], None] | None =
     rows = []
     hashes = {}
     kept = dataset.attempts[~dataset.attempts["excluded"]]
-    for view in VIEWS:
-        for attempt, snapshot in dataset.snapshots(view, kept.index[kept[f"{view}_taken"]]):
+    for viewpoint in VIEWPOINTS:
+        for attempt, frame in dataset.frames(viewpoint, kept.index[kept[f"{viewpoint}_taken"]]):
             session = dataset.session(attempt).ulid
-            rows.append({"attempt": attempt, "session": session, "view": view, **_facts(dataset, attempt, snapshot)})
-            if view == "overhead":
-                hashes[attempt] = picture_hash(snapshot.rgb)
+            rows.append(
+                {"attempt": attempt, "session": session, "viewpoint": viewpoint, **_facts(dataset, attempt, frame)}
+            )
+            if viewpoint == "overhead":
+                hashes[attempt] = picture_hash(frame.rgb)
             if on_picture is not None:
                 on_picture()
     return PictureFacts(table=pd.DataFrame(rows, columns=_COLUMNS), hashes=hashes)
@@ -106,23 +108,23 @@ def damage_finding(error: CorruptDataError) -> Finding:
     return whole("GD-106", "error", f"{error}; 'handsight dataset verify' names everything that is damaged")
 
 
-def _facts(dataset: GraspDataset, attempt: str, snapshot: Snapshot) -> dict[str, object]:
+def _facts(dataset: GraspDataset, attempt: str, frame: RgbdFrame) -> dict[str, object]:
     station = dataset.station(attempt)
-    depth = snapshot.depth[::_STEP, ::_STEP]
+    depth = frame.depth[::_STEP, ::_STEP]
     valid = depth[depth > 0]
-    height_m = float(snapshot.pose_base_tool[2, 3]) - station.camera.z_tool_camera_m
+    height_m = float(frame.pose_base_tool[2, 3]) - station.camera.z_tool_camera_m
     median_m = float(np.median(valid)) * station.depth_scale_m if len(valid) else float("nan")
     return {
-        "digest": hashlib.sha256(np.ascontiguousarray(snapshot.rgb).data).digest(),
-        "deviation": float(snapshot.rgb[::_STEP, ::_STEP].mean(axis=2).std()),
+        "digest": hashlib.sha256(np.ascontiguousarray(frame.rgb).data).digest(),
+        "deviation": float(frame.rgb[::_STEP, ::_STEP].mean(axis=2).std()),
         "holes": 1 - len(valid) / depth.size,
         "depth_ratio": median_m / height_m if height_m > 0 else float("nan"),
     }
 
 
 def _frozen(table: pd.DataFrame) -> pd.Series[bool]:
-    """Whether a picture is that of the attempt before it in the same session, in the same view."""
-    before = table.groupby(["session", "view"])["digest"].shift()
+    """Whether a picture is that of the attempt before it in the same session, in the same viewpoint."""
+    before = table.groupby(["session", "viewpoint"])["digest"].shift()
     return before == table["digest"]
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import zarr
 
 from handsight.datasets.format.arrays import array_at, group_at
-from handsight.datasets.format.schema import COLUMNS, SESSIONS, VIEWS
+from handsight.datasets.format.schema import COLUMNS, SESSIONS, VIEWPOINTS
 from handsight.datasets.format.sessions import attribute_damage
 from handsight.datasets.integrity.doctor.findings import Finding, about, whole
 from handsight.datasets.reading.reader import GraspDataset
@@ -28,7 +28,7 @@ def structure_findings(dataset: GraspDataset) -> Iterator[Finding]:
 
 def _length_findings(ulid: str, group: zarr.Group) -> Iterator[Finding]:
     paths = [f"attempts/{column.name}" for column in COLUMNS]
-    paths += [f"{view}/{name}" for view in VIEWS for name in ("rgb", "depth", "pose_base_tool")]
+    paths += [f"{viewpoint}/{name}" for viewpoint in VIEWPOINTS for name in ("rgb", "depth", "pose_base_tool")]
     lengths = {path: array_at(group, path).shape[0] for path in paths}
     if len(set(lengths.values())) > 1:
         listed = ", ".join(f"{path} {length}" for path, length in lengths.items())

@@ -14,7 +14,7 @@ from tests.support.refusals import check_refused
 
 from handsight.cli.app import run
 from handsight.datasets import Curator, GraspDataset, GraspRepository, Outcome, Selection
-from handsight.datasets.curation.saved_views import save_view
+from handsight.datasets.curation.saved_filters import save_filter
 
 OUTCOMES = (Outcome.HELD, Outcome.EMPTY, Outcome.ABORTED, Outcome.EMPTY, Outcome.EMPTY)
 
@@ -28,7 +28,7 @@ def grasps(tmp_path_factory: pytest.TempPathFactory) -> Path:
     attempts[2] = replace(attempts[2], overhead=None, pregrasp=None)
     record(repository, header, attempts, every=30)
     Curator(repository, author="jo").exclude(Selection(where="number == 5"), "dark")
-    save_view(repository, "held", "success", author="jo")
+    save_filter(repository, "held", "success", author="jo")
     return Path(str(repository.path))
 
 
@@ -146,7 +146,7 @@ def mistakes(grasps: Path, table: pd.DataFrame, folder: Path) -> dict[str, tuple
     return {
         "column": ([*listing, "--columns", "number,sucess"], "no column 'sucess', did you mean success"),
         "sort": ([*listing, "--sort", "contact_force"], "no column 'contact_force', did you mean contact_force_n"),
-        "view": ([*listing, "--view", "helt"], "no saved view 'helt', did you mean held"),
+        "view": ([*listing, "--view", "helt"], "no saved filter 'helt', did you mean held"),
         "where": ([*listing, "--where", "widht_final_m < 1"], "did you mean width_final_m"),
         "no truth": ([*listing, "--where", "number"], "yields int64, expected true or false"),
         "limit": ([*listing, "-n", "-3"], "limit is -3"),

@@ -23,9 +23,9 @@ from handsight.datasets import (
     GraspRepository,
     GripperReadings,
     Outcome,
+    RgbdFrame,
     Selection,
     SessionWriter,
-    Snapshot,
     create_branch,
     make_folds,
     read_folds,
@@ -44,7 +44,7 @@ def attempt(number: int, *, held: bool, labelled: bool = True) -> GraspAttempt:
     rng = np.random.default_rng(number)
     pose = np.diag([1.0, -1.0, -1.0, 1.0])
     pose[2, 3] = 0.5
-    picture = Snapshot(
+    picture = RgbdFrame(
         rgb=rng.integers(0, 256, (48, 64, 3), dtype=np.uint8),
         depth=rng.integers(560, 601, (48, 64)).astype(np.uint16),
         pose_base_tool=pose,
@@ -129,7 +129,7 @@ def test_stored_folds_are_the_ones_that_count(tmp_path: Path, capsys: pytest.Cap
     dataset = GraspDataset.open(str(path))
     before = dataset.snapshot_id
     listed = suspects(capsys, path, "-n", "100", "--folds", "cv", "--seed", "5")
-    data = materialize(dataset, view="overhead")
+    data = materialize(dataset, viewpoint="overhead")
     folds = read_folds(dataset, "cv").fold[data.attempts.index].to_numpy()
     scores = out_of_fold_scores(data, folds, TrainSettings(epochs=1, seed=5))
     expected = dict(zip(data.attempts.index, scores.tolist(), strict=True))
@@ -199,9 +199,9 @@ def test_the_recording_shows_each_grasp_where_it_was_attempted(
     listed = suspects(capsys, path, "-n", "5", "--rrd", str(recording))
     content = read_recording(recording, timeline="suspect")
     dataset = GraspDataset.open(str(path))
-    data = materialize(dataset, view="overhead")
+    data = materialize(dataset, viewpoint="overhead")
     for step, one in enumerate(listed):
-        view = station_view(dataset.snapshot(one["attempt"]), HEADER.station)
+        view = station_view(dataset.frame(one["attempt"]), HEADER.station)
         k = view.camera.intrinsics
         # The picture was taken over the origin, unturned; the tool's y axis points against the base's.
         x_px = k.fx * 0.02 / view.plane_m + k.cx + 0.5

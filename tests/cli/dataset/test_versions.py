@@ -23,8 +23,8 @@ from handsight.datasets import (
     GripperReadings,
     Outcome,
     RefNotFoundError,
+    RgbdFrame,
     SessionWriter,
-    Snapshot,
     WhereError,
 )
 
@@ -41,7 +41,7 @@ def attempt(number: int) -> GraspAttempt:
     pose = np.diag([1.0, -1.0, -1.0, 1.0])
     pose[2, 3] = 0.5
     pictures = [
-        Snapshot(
+        RgbdFrame(
             rgb=rng.integers(0, 256, (48, 64, 3), dtype=np.uint8),
             depth=rng.integers(560, 601, (48, 64)).astype(np.uint16),
             pose_base_tool=pose,

@@ -37,7 +37,7 @@ from handsight.collection.sim.renderer import (
     renderer_named,
 )
 from handsight.collection.sim.station import SimStation
-from handsight.datasets.records import GraspAttempt, Snapshot
+from handsight.datasets.records import GraspAttempt, RgbdFrame
 from handsight.servoing.camera import HandCamera
 from handsight.servoing.homography import predict_inputs
 from handsight.servoing.planar import PlanarPose, PlanarStep
@@ -110,25 +110,25 @@ def test_depth_of_a_plane_is_exact_to_a_tenth_of_a_millimetre(textured_plane: Bu
 
 
 @pytest.fixture(scope="module")
-def overheads(egl: Renderer) -> dict[str, list[Snapshot]]:
+def overheads(egl: Renderer) -> dict[str, list[RgbdFrame]]:
     """The same five scenes, with objects in other colours, drawn by both."""
-    snapshots: dict[str, list[Snapshot]] = {}
+    frames: dict[str, list[RgbdFrame]] = {}
     for renderer in (TINY, egl):
         station = SimStation(SimConfig(renderer=renderer.name, vary=("colour",)))
         for seed in range(5):
             station.prepare(np.random.default_rng(seed))
-            snapshots.setdefault(renderer.name, []).append(station.look())
+            frames.setdefault(renderer.name, []).append(station.look())
         station.close()
-    return snapshots
+    return frames
 
 
-def test_both_measure_the_same_scene(overheads: dict[str, list[Snapshot]]) -> None:
+def test_both_measure_the_same_scene(overheads: dict[str, list[RgbdFrame]]) -> None:
     for tiny, egl in zip(overheads["tiny"], overheads["egl"], strict=True):
         far_apart = np.abs(tiny.depth.astype(int) - egl.depth) > 1
         assert far_apart.sum() <= 30  # on edges, of more than 20,000 pixels of objects
 
 
-def test_both_show_the_same_colours(overheads: dict[str, list[Snapshot]]) -> None:
+def test_both_show_the_same_colours(overheads: dict[str, list[RgbdFrame]]) -> None:
     for tiny, egl in zip(overheads["tiny"], overheads["egl"], strict=True):
         levels = np.abs(tiny.rgb.astype(int) - egl.rgb).max(axis=2)
         both_see_table = (tiny.depth == 600) & (egl.depth == 600)

@@ -26,10 +26,10 @@ from handsight.datasets import (
     UnknownNameError,
     WhereError,
 )
-from handsight.datasets.curation.saved_views import forget_view, save_view
+from handsight.datasets.curation.saved_filters import forget_filter, save_filter
 from handsight.datasets.format.decisions import Action, Overlay
 from handsight.datasets.format.keys import ids_from_keys, keys_from_ids
-from handsight.datasets.format.saved_views import read_views
+from handsight.datasets.format.saved_filters import read_filters
 from handsight.datasets.format.schema import attempt_id
 
 HEADER = make_header()
@@ -255,23 +255,23 @@ def _ulid(value: int) -> ULID:
 
 
 def test_saved_views_are_kept_checked_and_forgotten(curated: GraspRepository) -> None:
-    assert save_view(curated, "good", "success and not excluded", author="anna") == 3
+    assert save_filter(curated, "good", "success and not excluded", author="anna") == 3
     tip = curated.resolve("main")
-    assert save_view(curated, "good", "success and not excluded", author="ben") == 3
+    assert save_filter(curated, "good", "success and not excluded", author="ben") == 3
     assert curated.resolve("main") == tip
     with pytest.raises(RefNameError, match="there is a view 'good' already"):
-        save_view(curated, "good", "success", author="anna")
+        save_filter(curated, "good", "success", author="anna")
     with pytest.raises(RefNameError, match="view name is 'a b'"):
-        save_view(curated, "a b", "success", author="anna")
+        save_filter(curated, "a b", "success", author="anna")
     with pytest.raises(WhereError, match="no column 'sucess'"):
-        save_view(curated, "typo", "sucess", author="anna")
+        save_filter(curated, "typo", "sucess", author="anna")
     assert curated.resolve("main") == tip
-    save_view(curated, "good", "success", author="anna", replace=True)
-    assert read_views(curated.root(curated.resolve("main"))) == {"good": "success"}
-    Curator(curated, author="anna").exclude(Selection(view="good", where="number > 0"), "by view")
+    save_filter(curated, "good", "success", author="anna", replace=True)
+    assert read_filters(curated.root(curated.resolve("main"))) == {"good": "success"}
+    Curator(curated, author="anna").exclude(Selection(filter="good", where="number > 0"), "by view")
     assert numbers(curated, "excluded") == [2, 4]
-    forget_view(curated, "good")
-    assert read_views(curated.root(curated.resolve("main"))) == {}
-    assert read_views(curated.root(tip)) == {"good": "success and not excluded"}
-    with pytest.raises(UnknownNameError, match="no saved view 'good'"):
-        forget_view(curated, "good")
+    forget_filter(curated, "good")
+    assert read_filters(curated.root(curated.resolve("main"))) == {}
+    assert read_filters(curated.root(tip)) == {"good": "success and not excluded"}
+    with pytest.raises(UnknownNameError, match="no saved filter 'good'"):
+        forget_filter(curated, "good")

@@ -137,7 +137,7 @@ def test_hdf5_reads_as_robomimic_does(dataset: GraspDataset, tmp_path: Path) -> 
             assert demo["rewards"][0] == float(row["outcome"] == "held")
             assert {len(demo["obs"][key]) for key in demo["obs"]} <= {1}
             if row["overhead_taken"]:
-                expected = dataset.snapshot(demo.attrs["attempt"], "overhead")
+                expected = dataset.frame(demo.attrs["attempt"], "overhead")
                 np.testing.assert_array_equal(demo["obs/overhead_rgb"][0], expected.rgb)
                 np.testing.assert_array_equal(demo["obs/overhead_depth"][0], expected.depth)
                 assert demo["obs/overhead_depth"].compression == "gzip"
@@ -153,7 +153,7 @@ def test_plain_zarr_opens_with_zarr_alone(dataset: GraspDataset, tmp_path: Path)
     session, _, number = identity.rpartition("-")
     array = root[f"sessions/{session}/overhead/rgb"]
     assert isinstance(array, zarr.Array)
-    np.testing.assert_array_equal(array[int(number)], dataset.snapshot(identity).rgb)
+    np.testing.assert_array_equal(array[int(number)], dataset.frame(identity).rgb)
 
 
 def edited_hdf5(edit: Callable[[h5py.File], object]) -> Callable[[Path], None]:

@@ -36,11 +36,11 @@ def make_lines(folder: Path) -> Lines:
     lines = []
     for number in range(LINES):
         names = {}
-        for view in ("overhead", "pregrasp"):
+        for viewpoint in ("overhead", "pregrasp"):
             for name, shape, dtype in (("rgb", (6, 8, 3), np.uint8), ("depth", (6, 8), np.uint16)):
-                path = f"frames/{view}_{name}_{number}.png"
+                path = f"frames/{viewpoint}_{name}_{number}.png"
                 cv2.imwrite(str(folder / path), rng.integers(0, np.iinfo(dtype).max, shape, dtype=dtype))
-                names[f"{view}_{name}"] = path
+                names[f"{viewpoint}_{name}"] = path
         poses = {
             name: float(rng.normal())
             for name in ("overhead_x_m", "overhead_y_m", "overhead_z_m", "overhead_angle_rad", "grasp_z_m")

@@ -20,8 +20,8 @@ from handsight.datasets import (
     GraspRepository,
     GripperReadings,
     Outcome,
+    RgbdFrame,
     SceneObjects,
-    Snapshot,
     StationCard,
 )
 from handsight.datasets.format.digest import attempt_digest, dataset_digest
@@ -172,8 +172,8 @@ def golden_attempt() -> GraspAttempt:
         number=0,
         outcome=Outcome.HELD,
         failure="",
-        overhead=Snapshot(rgb=rgb, depth=depth, pose_base_tool=pose),
-        pregrasp=Snapshot(rgb=rgb[::-1], depth=depth[::-1], pose_base_tool=pose),
+        overhead=RgbdFrame(rgb=rgb, depth=depth, pose_base_tool=pose),
+        pregrasp=RgbdFrame(rgb=rgb[::-1], depth=depth[::-1], pose_base_tool=pose),
         pregrasp_x_m=0.25,
         pregrasp_y_m=-0.5,
         pregrasp_angle_rad=1.5,

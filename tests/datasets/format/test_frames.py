@@ -34,9 +34,9 @@ import icechunk, zarr
 repository = icechunk.Repository.open(icechunk.local_filesystem_storage(sys.argv[1]))
 root = zarr.open_group(repository.readonly_session("main").store, mode="r")
 (session,) = root["sessions"].groups()
-view = session[1]["overhead"]
+taken = session[1]["overhead"]
 print()
-print(hashlib.sha256(view["rgb"][:].tobytes() + view["depth"][:].tobytes()).hexdigest(), "handsight" in sys.modules)
+print(hashlib.sha256(taken["rgb"][:].tobytes() + taken["depth"][:].tobytes()).hexdigest(), "handsight" in sys.modules)
 """
 
 

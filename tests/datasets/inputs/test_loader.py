@@ -41,15 +41,15 @@ GRID = InputGrid(crop_px=40, size_px=8)
 
 def test_every_input_is_the_warp_of_its_own_attempt(dataset: GraspDataset) -> None:
     made: list[int] = []
-    data = materialize(dataset, view="overhead", grid=GRID, on_attempt=lambda: made.append(1))
+    data = materialize(dataset, viewpoint="overhead", grid=GRID, on_attempt=lambda: made.append(1))
     table = dataset.attempts
     wanted = table["overhead_taken"] & table["success"].notna() & ~table["excluded"]
     assert data.attempts.index.tolist() == table.index[wanted].tolist()
     assert 0 < len(data.inputs) == len(made) < wanted.size
     for row, (identity, facts) in enumerate(data.attempts.iterrows()):
         goal = PlanarPose(x_m=facts["pregrasp_x_m"], y_m=facts["pregrasp_y_m"], angle_rad=facts["pregrasp_angle_rad"])
-        snapshot = dataset.snapshot(str(identity), "overhead")
-        expected = grasp_input(snapshot, dataset.station(str(identity)), goal, GRID).astype(np.float16)
+        frame = dataset.frame(str(identity), "overhead")
+        expected = grasp_input(frame, dataset.station(str(identity)), goal, GRID).astype(np.float16)
         np.testing.assert_array_equal(data.inputs[row], expected)
 
 

@@ -21,10 +21,10 @@ from handsight.datasets import (
     GraspDataset,
     GraspRepository,
     Outcome,
+    RgbdFrame,
     Selection,
     SessionHeader,
     SessionWriter,
-    Snapshot,
     make_folds,
 )
 from handsight.datasets.format import schema
@@ -44,14 +44,14 @@ HEADER = make_header(camera=CAMERA)
 SIZE = 6
 
 
-def sound_snapshot(seed: int) -> Snapshot:
+def sound_snapshot(seed: int) -> RgbdFrame:
     """Some scene on a table, seen from 0.6 m above it, straight down."""
     rng = np.random.default_rng(seed)
     pose = np.diag([1.0, -1.0, -1.0, 1.0])
     pose[:3, 3] = (0.6, 0.0, 0.5)
     rgb = np.kron(rng.integers(0, 256, (12, 16, 3)), np.ones((4, 4, 1))).astype(np.uint8)
     depth = rng.integers(560, 601, (48, 64)).astype(np.uint16)
-    return Snapshot(rgb=rgb, depth=depth, pose_base_tool=pose)
+    return RgbdFrame(rgb=rgb, depth=depth, pose_base_tool=pose)
 
 
 def sound_attempt(header: SessionHeader, number: int) -> GraspAttempt:
@@ -109,23 +109,23 @@ def test_an_empty_dataset_has_no_findings(repository: GraspRepository) -> None:
     assert doctor(opened(repository), deep=True, resimulate=sound_attempt).findings == ()
 
 
-def black(snapshot: Snapshot) -> Snapshot:
-    return replace(snapshot, rgb=np.full_like(snapshot.rgb, 3))
+def black(frame: RgbdFrame) -> RgbdFrame:
+    return replace(frame, rgb=np.full_like(frame.rgb, 3))
 
 
-def holed(snapshot: Snapshot) -> Snapshot:
-    depth = snapshot.depth.copy()
+def holed(frame: RgbdFrame) -> RgbdFrame:
+    depth = frame.depth.copy()
     depth[:, :40] = 0
-    return replace(snapshot, depth=depth)
+    return replace(frame, depth=depth)
 
 
-def in_wrong_units(snapshot: Snapshot) -> Snapshot:
-    return replace(snapshot, depth=(snapshot.depth // 10).astype(np.uint16))
+def in_wrong_units(frame: RgbdFrame) -> RgbdFrame:
+    return replace(frame, depth=(frame.depth // 10).astype(np.uint16))
 
 
-def noisy(snapshot: Snapshot) -> Snapshot:
-    noise = np.random.default_rng(0).integers(-1, 2, snapshot.rgb.shape)
-    return replace(snapshot, rgb=np.clip(snapshot.rgb.astype(int) + noise, 0, 255).astype(np.uint8))
+def noisy(frame: RgbdFrame) -> RgbdFrame:
+    noise = np.random.default_rng(0).integers(-1, 2, frame.rgb.shape)
+    return replace(frame, rgb=np.clip(frame.rgb.astype(int) + noise, 0, 255).astype(np.uint8))
 
 
 FOUND_IN_ATTEMPTS: dict[str, tuple[str, list[GraspAttempt], list[int]]] = {

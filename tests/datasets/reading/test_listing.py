@@ -7,19 +7,19 @@ import pytest
 from tests.support.factories import make_attempt, make_header, record
 
 from handsight.datasets import Curator, GraspDataset, GraspRepository, ListingError, Selection, WhereError
-from handsight.datasets.curation.saved_views import save_view
+from handsight.datasets.curation.saved_filters import save_filter
 from handsight.datasets.reading.listing import Listed, Listing, list_attempts
 
 
 @pytest.fixture(scope="module")
 def dataset(tmp_path_factory: pytest.TempPathFactory) -> GraspDataset:
-    """Two sessions of 25 and 15 attempts, a saved view and some exclusions."""
+    """Two sessions of 25 and 15 attempts, a saved filter and some exclusions."""
     repository = GraspRepository.create(tmp_path_factory.mktemp("listing") / "grasps")
     for seed, size in ((1, 25), (2, 15)):
         header = make_header(seed=seed)
         record(repository, header, [make_attempt(header, number) for number in range(size)], every=25)
     Curator(repository, author="jo").exclude(Selection(where="number == 3"), "dark")
-    save_view(repository, "cups", "target == 'cup'", author="jo")
+    save_filter(repository, "cups", "target == 'cup'", author="jo")
     return GraspDataset(repository, ref="main")
 
 
@@ -45,9 +45,9 @@ def test_a_limit_takes_the_newest(dataset: GraspDataset, where: str) -> None:
 def test_view_and_expression_must_both_hold(dataset: GraspDataset) -> None:
     table = dataset.attempts
     cups = table[table["target"] == "cup"]
-    found = list_attempts(dataset, Listing(view="cups"))
+    found = list_attempts(dataset, Listing(filter="cups"))
     pd.testing.assert_frame_equal(found.rows, cups)
-    both = list_attempts(dataset, Listing(view="cups", where="objects.str.contains('duck') or excluded", limit=1))
+    both = list_attempts(dataset, Listing(filter="cups", where="objects.str.contains('duck') or excluded", limit=1))
     expected = cups[cups["objects"].map(lambda names: "duck" in names) | cups["excluded"]]
     assert ids(both) == expected.index[-1:].tolist()
     assert len(cups) > both.matched == len(expected) > 1
@@ -98,7 +98,7 @@ def test_only_what_is_needed_is_read(dataset: GraspDataset, monkeypatch: pytest.
 
 def test_every_fault_is_told_at_once(dataset: GraspDataset) -> None:
     listing = Listing(
-        where="sucess", view="cupz", sort="widht_final_m", columns=("numbr", "qqqq", "zzzz", "target"), limit=-3
+        where="sucess", filter="cupz", sort="widht_final_m", columns=("numbr", "qqqq", "zzzz", "target"), limit=-3
     )
     with pytest.raises(ListingError) as caught:
         list_attempts(dataset, listing)
@@ -108,7 +108,7 @@ def test_every_fault_is_told_at_once(dataset: GraspDataset) -> None:
         "no column 'widht_final_m', did you mean width_final_m",
         "no column 'numbr', did you mean number",
         "no column 'qqqq' or 'zzzz', expected one of attempt, session",
-        "no saved view 'cupz', did you mean cups",
+        "no saved filter 'cupz', did you mean cups",
         "no column 'sucess', did you mean success",
     ):
         assert said in text

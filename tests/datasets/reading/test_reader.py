@@ -17,19 +17,19 @@ from tests.support.factories import OBJECTS, difference, make_attempt, make_head
 from zarr.codecs import Crc32cCodec
 
 from handsight.datasets import (
-    VIEWS,
+    VIEWPOINTS,
     AttemptNotFoundError,
     CorruptDataError,
+    FrameNotFoundError,
     GraspDataset,
     GraspRepository,
     Outcome,
+    RgbdFrame,
     SessionNotFoundError,
     SessionWriter,
-    Snapshot,
-    SnapshotNotFoundError,
 )
 from handsight.datasets.format.arrays import group_at, read_rows
-from handsight.datasets.format.rows import snapshot_of
+from handsight.datasets.format.rows import frame_of
 from handsight.datasets.format.schema import attempt_id
 
 HEADER = make_header()
@@ -169,28 +169,28 @@ def test_info_and_the_table_read_no_pictures(repository: GraspRepository) -> Non
     assert GraspDataset.open(str(repository.path)).info() == expected
 
 
-@pytest.mark.parametrize("view", VIEWS)
-def test_pictures_stream_in_the_order_asked_for(dataset: GraspDataset, view: Any) -> None:
-    everything = list(dataset.snapshots(view))
-    taken = dataset.attempts.index[dataset.attempts[f"{view}_taken"]].tolist()
+@pytest.mark.parametrize("viewpoint", VIEWPOINTS)
+def test_pictures_stream_in_the_order_asked_for(dataset: GraspDataset, viewpoint: Any) -> None:
+    everything = list(dataset.frames(viewpoint))
+    taken = dataset.attempts.index[dataset.attempts[f"{viewpoint}_taken"]].tolist()
     assert [identity for identity, _ in everything] == taken
     assert 0 < len(taken) < 27
     rng = np.random.default_rng(0)
     for ids in (taken[::-1], taken[3:4] * 3, list(rng.permutation(taken))):
-        found = list(dataset.snapshots(view, ids))
+        found = list(dataset.frames(viewpoint, ids))
         assert [identity for identity, _ in found] == ids
-        for identity, snapshot in found:
-            assert difference(snapshot, snapshot_of(dataset.attempt(identity), view)) is None
-            assert difference(snapshot, dataset.snapshot(identity, view)) is None
-    assert list(dataset.snapshots(view, [])) == []
+        for identity, frame in found:
+            assert difference(frame, frame_of(dataset.attempt(identity), viewpoint)) is None
+            assert difference(frame, dataset.frame(identity, viewpoint)) is None
+    assert list(dataset.frames(viewpoint, [])) == []
 
 
 def test_a_long_run_is_read_in_blocks(repository: GraspRepository) -> None:
     attempts = [make_attempt(HEADER, number, outcome=Outcome.HELD) for number in range(35)]
     record(repository, HEADER, attempts, every=35)
-    found = [snapshot for _, snapshot in GraspDataset.open(str(repository.path)).snapshots("pregrasp")]
-    for attempt, snapshot in zip(attempts, found, strict=True):
-        assert difference(attempt.pregrasp, snapshot) is None
+    found = [frame for _, frame in GraspDataset.open(str(repository.path)).frames("pregrasp")]
+    for attempt, frame in zip(attempts, found, strict=True):
+        assert difference(attempt.pregrasp, frame) is None
 
 
 def test_what_is_not_there_is_named(dataset: GraspDataset) -> None:
@@ -202,10 +202,10 @@ def test_what_is_not_there_is_named(dataset: GraspDataset) -> None:
     with pytest.raises(SessionNotFoundError):
         dataset.station("nonsense")
     never = dataset.attempts.index[~dataset.attempts["pregrasp_taken"]]
-    with pytest.raises(SnapshotNotFoundError, match=never[0]):
-        dataset.snapshot(never[0], "pregrasp")
-    with pytest.raises(SnapshotNotFoundError, match=r"and \d+ more"):
-        dataset.snapshots("pregrasp", never)
+    with pytest.raises(FrameNotFoundError, match=never[0]):
+        dataset.frame(never[0], "pregrasp")
+    with pytest.raises(FrameNotFoundError, match=r"and \d+ more"):
+        dataset.frames("pregrasp", never)
 
 
 def test_an_open_version_does_not_move(dataset: GraspDataset) -> None:
@@ -253,8 +253,8 @@ def test_damage_to_any_picture_is_found_and_its_attempt_named(repository: GraspR
     header = make_header(width=64, height=48)
     attempts = [make_attempt(header, number, outcome=Outcome.HELD) for number in range(3)]
     record(repository, header, attempts)
-    whole: dict[str, dict[str, Snapshot]] = {
-        view: dict(GraspDataset.open(str(repository.path)).snapshots(view)) for view in VIEWS
+    whole: dict[str, dict[str, RgbdFrame]] = {
+        viewpoint: dict(GraspDataset.open(str(repository.path)).frames(viewpoint)) for viewpoint in VIEWPOINTS
     }
     pictures = [chunk for chunk in (repository.folder / "chunks").iterdir() if chunk.stat().st_size > 4000]
     assert len(pictures) == 3 * 2 * 2
@@ -265,7 +265,7 @@ def test_damage_to_any_picture_is_found_and_its_attempt_named(repository: GraspR
         damage(chunk, rng)
         dataset = GraspDataset.open(str(repository.path))
         with pytest.raises(CorruptDataError, match="is damaged in row") as caught:
-            list(chain.from_iterable(dataset.snapshots(view) for view in VIEWS))
+            list(chain.from_iterable(dataset.frames(viewpoint) for viewpoint in VIEWPOINTS))
         named.append(next(identity for identity in dataset.attempts.index if identity in str(caught.value)))
         chunk.write_bytes(kept)
     assert {identity: named.count(identity) for identity in named} == dict.fromkeys(whole["overhead"], 4)
@@ -282,7 +282,7 @@ def test_damage_to_a_column_is_found(repository: GraspRepository) -> None:
         dataset = GraspDataset.open(str(repository.path))
         session = dataset.repository.root(dataset.snapshot_id)[f"sessions/{dataset.sessions[0].ulid}"]
         assert isinstance(session, zarr.Group)
-        groups = [group_at(session, name) for name in (*VIEWS, "attempts")]
+        groups = [group_at(session, name) for name in (*VIEWPOINTS, "attempts")]
         arrays = [array for group in groups for name, array in group.arrays() if name not in ("rgb", "depth")]
         with pytest.raises(CorruptDataError, match="is damaged in rows 0 to 199"):
             list(map(read_rows, arrays, repeat(0), repeat(200)))

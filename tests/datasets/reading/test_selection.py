@@ -127,12 +127,12 @@ def test_unknown_ids_are_all_named(table: pd.DataFrame) -> None:
 
 def test_a_view_and_an_expression_must_both_hold(table: pd.DataFrame) -> None:
     views = {"cups": "target == 'cup'"}
-    both = select(table, Selection(view="cups", where="success"), views)
+    both = select(table, Selection(filter="cups", where="success"), views)
     held = table["success"].fillna(False)
-    assert both == [one for one in select(table, Selection(view="cups"), views) if held[one]]
+    assert both == [one for one in select(table, Selection(filter="cups"), views) if held[one]]
     assert len(both) > 0
-    with pytest.raises(WhereError, match=r"no saved view 'cupz', did you mean cups\? \(views: cups\)"):
-        select(table, Selection(view="cupz"), views)
+    with pytest.raises(WhereError, match=r"no saved filter 'cupz', did you mean cups\? \(views: cups\)"):
+        select(table, Selection(filter="cupz"), views)
 
 
 @pytest.mark.parametrize("which", [{}, {"ids": ("a",), "where": "success"}, {"ids": ("a",), "view": "v"}])

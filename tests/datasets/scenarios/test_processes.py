@@ -114,7 +114,7 @@ identity = dataset.attempts.index[0]
 writer = SessionWriter.resume(dataset.repository, make_header())
 uses = [
     lambda: dataset.attempt(identity),
-    lambda: list(dataset.snapshots("overhead")),
+    lambda: list(dataset.frames("overhead")),
     lambda: GraspDataset(dataset.repository, ref="main"),
     lambda: writer.append(make_attempt(writer.header, 1)),
     lambda: dataset.repository.log(),

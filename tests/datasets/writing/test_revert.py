@@ -23,8 +23,8 @@ from handsight.datasets import (
     diff_versions,
     revert,
 )
-from handsight.datasets.curation.saved_views import save_view
-from handsight.datasets.format.saved_views import read_views
+from handsight.datasets.curation.saved_filters import save_filter
+from handsight.datasets.format.saved_filters import read_filters
 
 HEADER = make_header()
 
@@ -56,7 +56,7 @@ def assert_same_version(left: GraspDataset, right: GraspDataset) -> None:
     roots = [dataset.repository.root(dataset.snapshot_id) for dataset in (left, right)]
     metadata = [{path: repr(node.metadata) for path, node in root.members(max_depth=None)} for root in roots]
     assert metadata[0] == metadata[1]
-    assert read_views(roots[0]) == read_views(roots[1])
+    assert read_filters(roots[0]) == read_filters(roots[1])
     assert diff_versions(left, right).empty
 
 
@@ -113,14 +113,14 @@ def test_the_default_branch_and_what_does_not_exist_are_not_deleted(repository: 
 
 def test_revert_brings_everything_back_and_loses_no_history(repository: GraspRepository) -> None:
     grow(repository, 3)
-    save_view(repository, "cups", "target == 'cup'", author="anna")
+    save_filter(repository, "cups", "target == 'cup'", author="anna")
     Curator(repository, author="anna").exclude(Selection(where="number == 1"), "x")
     early = repository.resolve("main")
     grow(repository, 7)
     other = make_header(seed=9)
     record(repository, other, [make_attempt(other, number) for number in range(2)])
     Curator(repository, author="ben").relabel(Selection(where="success and seed == 1"), False, "y")
-    save_view(repository, "held", "success", author="ben")
+    save_filter(repository, "held", "success", author="ben")
     late = repository.resolve("main")
     back = revert(repository, early)
     assert back == repository.resolve("main")

@@ -20,12 +20,12 @@ from handsight.datasets import (
     Outcome,
     RecordError,
     RefNotFoundError,
+    RgbdFrame,
     SceneObjects,
     SessionConflictError,
     SessionHeader,
     SessionNotFoundError,
     SessionWriter,
-    Snapshot,
     StorageError,
 )
 from handsight.datasets.format.arrays import array_at
@@ -313,9 +313,9 @@ def test_a_station_without_objects_can_record(repository: GraspRepository) -> No
 
 def test_a_black_picture_is_not_a_missing_one(repository: GraspRepository) -> None:
     """A chunk of fill values is not stored."""
-    black = Snapshot(rgb=np.zeros((6, 8, 3), np.uint8), depth=np.zeros((6, 8), np.uint16), pose_base_tool=np.eye(4))
+    black = RgbdFrame(rgb=np.zeros((6, 8, 3), np.uint8), depth=np.zeros((6, 8), np.uint16), pose_base_tool=np.eye(4))
     with SessionWriter.begin(repository, HEADER) as writer:
         identity = writer.append(replace(HELD, overhead=black, pregrasp=black))
-    stored = GraspDataset.open(str(repository.path)).snapshot(identity, "pregrasp")
+    stored = GraspDataset.open(str(repository.path)).frame(identity, "pregrasp")
     np.testing.assert_array_equal(stored.rgb, black.rgb)
     np.testing.assert_array_equal(stored.pose_base_tool, np.eye(4))

@@ -11,7 +11,7 @@ import pytest
 from tests.support.factories import make_attempt, make_header
 from tests.support.rrd import read_picture
 
-from handsight.datasets import GraspAttempt, Outcome, Snapshot
+from handsight.datasets import GraspAttempt, Outcome, RgbdFrame
 from handsight.servoing.planar import PlanarPose
 from handsight.viz import palette
 from handsight.viz.errors import FigureError
@@ -24,10 +24,10 @@ HEIGHT_M = 0.5
 CELL_PX = (WIDTH_PX - LEFT_PX - RIGHT_PX - GAP_PX) / 2
 
 
-def snapshot(*, x_m: float = 0.6, y_m: float = 0.1, angle_rad: float = 0.4) -> Snapshot:
+def frame(*, x_m: float = 0.6, y_m: float = 0.1, angle_rad: float = 0.4) -> RgbdFrame:
     """A bare grey table, seen from half a metre above it."""
     depth_m = HEIGHT_M - STATION.camera.z_tool_camera_m
-    return Snapshot(
+    return RgbdFrame(
         rgb=np.full((48, 64, 3), 128, np.uint8),
         depth=np.full((48, 64), round(depth_m / STATION.depth_scale_m), np.uint16),
         pose_base_tool=PlanarPose(x_m=x_m, y_m=y_m, angle_rad=angle_rad).pose_base_tool(HEIGHT_M),
@@ -36,7 +36,7 @@ def snapshot(*, x_m: float = 0.6, y_m: float = 0.1, angle_rad: float = 0.4) -> S
 
 def attempt(**changes: object) -> GraspAttempt:
     plain = make_attempt(HEADER, 0, outcome=Outcome.HELD)
-    values = {"overhead": snapshot(), "pregrasp": None, "pregrasp_x_m": 0.6, "pregrasp_y_m": 0.1}
+    values = {"overhead": frame(), "pregrasp": None, "pregrasp_x_m": 0.6, "pregrasp_y_m": 0.1}
     return replace(plain, **{**values, "pregrasp_angle_rad": 0.4, **changes})  # type: ignore[arg-type]  # By name.
 
 
@@ -71,7 +71,7 @@ def test_the_jaws_are_where_the_grasp_was_to_be(success: bool | None, colour: pa
 
 def test_each_view_taken_has_a_row_and_equal_attempts_equal_bytes(tmp_path: Path) -> None:
     one = attempt_figure(tmp_path / "one.png", "id-000000", attempt(), STATION, success=True)
-    both = attempt(pregrasp=snapshot(x_m=0.61))
+    both = attempt(pregrasp=frame(x_m=0.61))
     two = attempt_figure(tmp_path / "two.png", "id-000000", both, STATION, success=True)
     assert read_picture(one).shape[1] == read_picture(two).shape[1] == WIDTH_PX
     assert read_picture(two).shape[0] > 1.8 * read_picture(one).shape[0]
@@ -80,7 +80,7 @@ def test_each_view_taken_has_a_row_and_equal_attempts_equal_bytes(tmp_path: Path
 
 
 def test_no_goal_and_no_depth_are_drawn_without(tmp_path: Path) -> None:
-    blind = replace(snapshot(), depth=np.zeros((48, 64), np.uint16))
+    blind = replace(frame(), depth=np.zeros((48, 64), np.uint16))
     nowhere = attempt(overhead=blind, pregrasp_x_m=math.nan, pregrasp_y_m=math.nan, pregrasp_angle_rad=math.nan)
     picture = read_picture(attempt_figure(tmp_path / "a.png", "id", nowhere, STATION, success=None))
     middle = picture[TOP_PX + 100, round(LEFT_PX + 1.5 * CELL_PX), :3]

@@ -1,4 +1,4 @@
-"""Saved views: ``--where`` expressions with a name, kept in the dataset and versioned with it.
+"""Saved filters: ``--where`` expressions with a name, kept in the dataset and versioned with it.
 
 They are attributes of the group ``/views``: ``{name: {where, author, saved}}``.
 """
@@ -11,7 +11,7 @@ from handsight.datasets.address import DEFAULT_REF
 from handsight.datasets.errors import RefNameError, UnknownNameError
 from handsight.datasets.format.arrays import group_at
 from handsight.datasets.format.provenance import utc_now
-from handsight.datasets.format.saved_views import VIEWS_GROUP, view_entries
+from handsight.datasets.format.saved_filters import FILTERS_GROUP, filter_entries
 from handsight.datasets.reading.reader import GraspDataset
 from handsight.datasets.reading.selection import matches
 from handsight.datasets.store.releases import is_plain_name
@@ -19,7 +19,7 @@ from handsight.datasets.store.repository import GraspRepository
 from handsight.datasets.writing.change import change_branch
 
 
-def save_view(
+def save_filter(
     repository: GraspRepository, name: str, where: str, *, author: str, branch: str = DEFAULT_REF, replace: bool = False
 ) -> int:
     """Keep an expression under a name, in one commit, and return how many attempts it matches now.
@@ -30,39 +30,41 @@ def save_view(
         RefNotFoundError: There is no such branch.
     """
     if not is_plain_name(name):
-        raise RefNameError(f"view name is {name!r}, expected 1 to 64 letters, digits, '.', '_' or '-'")
+        raise RefNameError(f"filter name is {name!r}, expected 1 to 64 letters, digits, '.', '_' or '-'")
     found: list[int] = []
 
     def change(dataset: GraspDataset, root: zarr.Group) -> str | None:
         found[:] = [int(matches(dataset.attempts, where).sum())]
-        entries = view_entries(root)
+        entries = filter_entries(root)
         if name in entries and entries[name]["where"] == where:
             return None
         if name in entries and not replace:
             raise RefNameError(
-                f"there is a view {name!r} already, {entries[name]['where']!r}: replace it or choose another"
+                f"there is a filter {name!r} already, {entries[name]['where']!r}: replace it or choose another"
             )
-        group = group_at(root, VIEWS_GROUP) if VIEWS_GROUP in root else root.create_group(VIEWS_GROUP)
+        group = group_at(root, FILTERS_GROUP) if FILTERS_GROUP in root else root.create_group(FILTERS_GROUP)
         group.update_attributes({name: {"where": where, "author": author, "saved": utc_now()}})
-        return f"save view {name}: {where}"
+        return f"save filter {name}: {where}"
 
     change_branch(repository, branch, change)
     return found[0]
 
 
-def forget_view(repository: GraspRepository, name: str, *, branch: str = DEFAULT_REF) -> None:
-    """Drop a saved view, in one commit; earlier versions keep it.
+def forget_filter(repository: GraspRepository, name: str, *, branch: str = DEFAULT_REF) -> None:
+    """Drop a saved filter, in one commit; earlier versions keep it.
 
     Raises:
-        UnknownNameError: There is no such view.
+        UnknownNameError: There is no such filter.
         RefNotFoundError: There is no such branch.
     """
 
     def change(dataset: GraspDataset, root: zarr.Group) -> str:
-        entries = view_entries(root)
+        entries = filter_entries(root)
         if name not in entries:
-            raise UnknownNameError(f"there is no saved view {name!r} (views: {', '.join(sorted(entries)) or 'none'})")
-        group_at(root, VIEWS_GROUP).attrs.put({key: value for key, value in entries.items() if key != name})
-        return f"forget view {name}"
+            raise UnknownNameError(
+                f"there is no saved filter {name!r} (filters: {', '.join(sorted(entries)) or 'none'})"
+            )
+        group_at(root, FILTERS_GROUP).attrs.put({key: value for key, value in entries.items() if key != name})
+        return f"forget filter {name}"
 
     change_branch(repository, branch, change)
