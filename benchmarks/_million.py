@@ -9,14 +9,21 @@ import zarr
 from numpy.typing import NDArray
 from ulid import ULID
 
-from handsight.datasets import GraspRepository, Outcome, SessionHeader, StationCard
+from handsight.datasets import GraspRepository, Outcome, SessionHeader, StationSpec
 from handsight.datasets.format.arrays import append_rows, array_at, group_at
-from handsight.datasets.format.schema import COLUMNS, PACKED_CHUNK_ROWS, SESSIONS, VIEWPOINTS, Slots, create_arrays
+from handsight.datasets.format.schema import (
+    COLUMNS,
+    PACKED_CHUNK_ROWS,
+    SESSIONS,
+    VIEWPOINTS,
+    ColumnWidths,
+    create_arrays,
+)
 from handsight.datasets.format.sessions import new_session_attributes, sealed_attributes
 from handsight.servoing.camera import HandCamera, Intrinsics
 
 OBJECTS = tuple(f"object-{number:03d}" for number in range(100))
-_SLOTS = 5
+_WIDTH = 5
 
 
 def header_of(seed: int, *, width: int = 640, height: int = 480) -> SessionHeader:
@@ -27,7 +34,7 @@ def header_of(seed: int, *, width: int = 640, height: int = 480) -> SessionHeade
         y_tool_camera_m=-0.07,
         z_tool_camera_m=-0.11,
     )
-    station = StationCard(
+    station = StationSpec(
         source="sim",
         camera=camera,
         depth_scale_m=1e-3,
@@ -35,7 +42,7 @@ def header_of(seed: int, *, width: int = 640, height: int = 480) -> SessionHeade
         closed_width_m=0.002,
         objects=OBJECTS,
     )
-    return SessionHeader(station=station, seed=seed, objects_per_scene=_SLOTS, config={})
+    return SessionHeader(station=station, seed=seed, objects_per_scene=_WIDTH, config={})
 
 
 def write_million(path: Path, *, sessions: int = 20, attempts: int = 50_000) -> GraspRepository:
@@ -67,9 +74,9 @@ def write_million(path: Path, *, sessions: int = 20, attempts: int = 50_000) -> 
 
 def _columns(size: int, rng: np.random.Generator) -> dict[str, NDArray[np.generic]]:
     outcome = (rng.random(size) < 0.2).astype(np.uint8) * np.uint8(Outcome.HELD)
-    slots = Slots(objects=_SLOTS, conditions=1)
+    widths = ColumnWidths(objects=_WIDTH, conditions=1)
     values: dict[str, NDArray[np.generic]] = {
-        column.name: np.full((size, *column.shape(slots)), column.fill, dtype=column.dtype) for column in COLUMNS
+        column.name: np.full((size, *column.shape(widths)), column.fill, dtype=column.dtype) for column in COLUMNS
     }
     return values | {
         "number": np.arange(size),
@@ -77,9 +84,9 @@ def _columns(size: int, rng: np.random.Generator) -> dict[str, NDArray[np.generi
         "pregrasp_x_y_angle": rng.normal(size=(size, 3)),
         "contact_force_n": rng.normal(size=size),
         "gripper_width_m": rng.uniform(0, 0.085, (size, 4)),
-        "object_count": np.full(size, _SLOTS, np.int16),
-        "target": rng.integers(0, _SLOTS, size, dtype=np.int16),
-        "catalogue_index": rng.integers(0, len(OBJECTS), (size, _SLOTS), dtype=np.int16),
+        "object_count": np.full(size, _WIDTH, np.int16),
+        "target": rng.integers(0, _WIDTH, size, dtype=np.int16),
+        "catalogue_index": rng.integers(0, len(OBJECTS), (size, _WIDTH), dtype=np.int16),
         "started_elapsed_ns": rng.integers(0, 2**40, (size, 2)),
         "digest": rng.integers(0, 256, (size, 32), dtype=np.uint8),
     }

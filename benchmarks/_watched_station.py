@@ -14,7 +14,7 @@ from handsight.collection.sim.config import SimConfig
 from handsight.collection.sim.station import SimStation, SimStationFactory
 
 PHASE_OF_METHOD = {
-    "prepare": "settle",
+    "reset": "settle",
     "look": "look",
     "reach": "reach",
     "descend": "descend",
@@ -73,7 +73,7 @@ class WatchedStation(SimStation):
     def __init__(self, config: SimConfig, notes: Path) -> None:
         """Start an engine; ``notes`` is written when the station closes."""
         self.times = PhaseTimes()
-        self._phase = PHASE_OF_METHOD["prepare"]
+        self._phase = PHASE_OF_METHOD["reset"]
         self._notes = notes
         super().__init__(config)
         for method, phase in PHASE_OF_METHOD.items():
@@ -94,7 +94,7 @@ class WatchedStation(SimStation):
     def _timed_phase(self, method: Callable[Arguments, Answer], phase: str) -> Callable[Arguments, Answer]:
         def timed(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Answer:
             self._phase = phase
-            self.times.attempts += phase == PHASE_OF_METHOD["prepare"]
+            self.times.attempts += phase == PHASE_OF_METHOD["reset"]
             start_s = process_time()
             try:
                 return method(*args, **kwargs)

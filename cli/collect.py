@@ -14,8 +14,8 @@ from handsight.cli.output import console, errors, print_json, progress_bar
 from handsight.cli.wiring.policies import policy_named
 from handsight.cli.wiring.renderers import Renderer, with_renderer
 from handsight.cli.wiring.scene_pictures import picture_command
-from handsight.cli.wiring.stations import sim_station, varieties
-from handsight.collection.collector import CollectReport, CollectSettings, SeededStationFactory, collect
+from handsight.cli.wiring.stations import randomized, sim_station
+from handsight.collection.collector import CollectReport, CollectSettings, StationFactory, collect
 from handsight.datasets.records import GraspAttempt
 from handsight.datasets.store.repository import GraspRepository
 from handsight.jobs.engine import LOCAL, Engine
@@ -82,7 +82,7 @@ def collect_sim(
         pregrasp_picture=pregrasp_picture,
     )
     factory = with_renderer(
-        sim_station(objects, shakes=shakes, per_scene=per_scene, vary=varieties(vary)),
+        sim_station(objects, shakes=shakes, per_scene=per_scene, vary=randomized(vary)),
         renderer,
         dataset=dataset,
         seed=seed,
@@ -110,7 +110,7 @@ def _engine(name: str, ray_address: str | None, workers: int) -> AbstractContext
 
 def collect_with_progress(
     dataset: str | Path,
-    factory: SeededStationFactory,
+    factory: StationFactory,
     settings: CollectSettings,
     *,
     resume: bool,

@@ -24,11 +24,11 @@ from handsight.cli.wiring.stations import sim_station
 from handsight.collection.collector import CollectSettings
 from handsight.datasets.reading.reader import GraspDataset
 from handsight.datasets.store.repository import GraspRepository
-from handsight.evaluation.evaluate import BenchFactory, EvaluationSettings, record_trial
+from handsight.evaluation.evaluate import EvaluationSettings, TrialContextFactory, record_trial
 from handsight.evaluation.results import ResultRow
 from handsight.servoing.methods.registry import METHODS
 from handsight.training.metrics import Metrics
-from handsight.training.run import CARD, WEIGHTS, load_run
+from handsight.training.run import RUN_RECORD, WEIGHTS, load_run
 from handsight.training.trainer import TrainSettings
 from handsight.viz.figures.results import results_figure
 from handsight.viz.recordings.heatmaps import write_heatmaps
@@ -116,9 +116,9 @@ def _train(paths: DemoPaths, release: str, settings: TrainSettings) -> None:
     _headline("2  Train the Grasp Quality Network")
     address = f"{paths.dataset}@{release}"
     dataset = GraspDataset.open(address)
-    if not (paths.run / CARD).exists() or load_run(paths.run).origin.digest != dataset.digest:
+    if not (paths.run / RUN_RECORD).exists() or load_run(paths.run).origin.digest != dataset.digest:
         train_to_folder(dataset, address, paths.run, settings, viewpoint="overhead")
-    held_out = Metrics(**load_run(paths.run).card["history"][-1]["held_out"])
+    held_out = Metrics(**load_run(paths.run).record["history"][-1]["held_out"])
     console.print(f"   {paths.run}: {describe(held_out)}")
 
 
@@ -148,7 +148,7 @@ def _record(paths: DemoPaths, release: str, rows: list[ResultRow], settings: Eva
     _headline("4  Write the recordings and the figure")
     dataset = GraspDataset.open(f"{paths.dataset}@{release}")
     write_heatmaps(paths.heatmaps, heatmap_examples(dataset, latest_attempts(dataset, 8), paths.run))
-    factory = BenchFactory(open_station=sim_station(NOVEL_OBJECTS), run=paths.run)
+    factory = TrialContextFactory(open_station=sim_station(NOVEL_OBJECTS), run=paths.run)
     results = _read_results(paths.results)
     number = _most_telling_trial(results["trials"])
     recording = record_trial(factory, SHOWN_METHOD, number, seed=settings.seed, servo=settings.servo)
@@ -174,7 +174,7 @@ def _most_telling_trial(trials: list[dict[str, Any]]) -> int:
 def _show(paths: DemoPaths, release: str, rows: list[ResultRow]) -> None:
     console.print()
     print_results(rows)
-    handsight, rerun = _typed("handsight"), _typed("rerun")
+    handsight, rerun = _command_name("handsight"), _command_name("rerun")
     commands = [
         ("the dataset", f"{handsight} dataset ls {paths.dataset}@{release}"),
         ("heatmaps", f"{rerun} {paths.heatmaps}"),
@@ -186,7 +186,7 @@ def _show(paths: DemoPaths, release: str, rows: list[ResultRow]) -> None:
         console.print(f"  [bold]{what:<12}[/] {command}")
 
 
-def _typed(program: str) -> str:
+def _command_name(program: str) -> str:
     """How to call a program of this environment from here: by name, or by path where it is not on PATH."""
     if shutil.which(program):
         return program

@@ -8,6 +8,7 @@ import sys
 from handsight.collection.errors import CollectionError
 from handsight.datasets.errors import DatasetError
 from handsight.evaluation.errors import EvaluationError
+from handsight.jobs.errors import JobsError
 from handsight.servoing.errors import ServoingError
 from handsight.training.errors import TrainingError
 from handsight.viz.errors import VizError
@@ -22,6 +23,7 @@ EXPECTED = (
     CollectionError,
     DatasetError,
     EvaluationError,
+    JobsError,
     ServoingError,
     TrainingError,
     VizError,

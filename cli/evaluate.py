@@ -11,7 +11,7 @@ import typer
 from handsight.cli.options import NOVEL_OBJECTS, Json, Model, Objects, Workers
 from handsight.cli.output import console, print_json, print_table, progress_bar
 from handsight.cli.wiring.stations import sim_station
-from handsight.evaluation.evaluate import BenchFactory, EvaluationSettings, evaluate, method_names
+from handsight.evaluation.evaluate import EvaluationSettings, TrialContextFactory, evaluate, method_names
 from handsight.evaluation.results import ResultRow, result_rows
 from handsight.servoing.loop import ServoSettings
 from handsight.servoing.methods.registry import METHODS
@@ -47,7 +47,7 @@ def evaluate_command(
 def evaluate_model(model: Path, objects: str, settings: EvaluationSettings) -> dict[str, Any]:
     """Run the trials behind a progress bar; returns what ``evaluate --json`` prints."""
     run = load_run(model)
-    factory = BenchFactory(open_station=sim_station(objects), run=model)
+    factory = TrialContextFactory(open_station=sim_station(objects), run=model)
     with progress_bar("evaluate", settings.trials * len(settings.methods)) as bar:
         done = evaluate(factory, settings, on_trial=lambda trial: bar.advance())
     return {

@@ -65,11 +65,11 @@ def heatmap_examples(
     examples = []
     with progress_bar("heatmaps", len(attempts)) as bar:
         for key, frame in dataset.frames("overhead", attempts):
-            card = dataset.station(key)
-            view = station_view(frame, card)
+            spec = dataset.station(key)
+            view = station_view(frame, spec)
             heatmap = grasp_heatmap(view, scorer, grid=run.grid, spacing_px=spacing_px)
             examples.append(
-                HeatmapExample(title=key, view=view, heatmap=heatmap, grid=run.grid, jaws_m=card.gripper_stroke_m)
+                HeatmapExample(title=key, view=view, heatmap=heatmap, grid=run.grid, jaws_m=spec.gripper_stroke_m)
             )
             bar.advance()
     return examples

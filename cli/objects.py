@@ -53,7 +53,7 @@ def import_meshes(
     from handsight.collection.sim.objects.meshes.plan import ImportSettings, plan_import
 
     settings = ImportSettings(scale=scale, density_kg_m3=density, licence=licence, pattern=pattern, plain=plain)
-    with _own_endings():
+    with _exit_codes():
         with progress_bar("check", 0) as bar:
             plan = plan_import(folder, name, settings=settings, skip_bad=skip_bad, progress=bar.of)
         if dry_run:
@@ -65,7 +65,7 @@ def import_meshes(
 
 
 @contextmanager
-def _own_endings() -> Iterator[None]:
+def _exit_codes() -> Iterator[None]:
     """A refusal keeps its lines, one for each bad mesh; Ctrl-C says what is left behind."""
     try:
         yield

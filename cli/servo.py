@@ -14,7 +14,7 @@ from handsight.cli.options import NOVEL_OBJECTS, Model, Objects
 from handsight.cli.output import console, progress_bar
 from handsight.cli.wiring.scene_pictures import servo_pictures
 from handsight.cli.wiring.stations import sim_station
-from handsight.evaluation.evaluate import BenchFactory, record_trial
+from handsight.evaluation.evaluate import TrialContextFactory, record_trial
 from handsight.evaluation.trial import TrialRecording
 from handsight.servoing.heatmap import Heatmap, grasp_heatmap
 from handsight.servoing.loop import ServoSettings
@@ -39,7 +39,7 @@ def servo_command(
     """Servo once from a random pose, grasp, and record every step."""
     servo_method(method)
     simulated = sim_station(objects)
-    factory = BenchFactory(open_station=simulated, run=model)
+    factory = TrialContextFactory(open_station=simulated, run=model)
     recording = record_trial(factory, method, trial, seed=seed, servo=ServoSettings(threshold=threshold))
     if recording is None:
         raise CommandError(f"trial {trial} of seed {seed} failed before servoing began: choose another trial")

@@ -97,7 +97,7 @@ def begin_attempt(progress: AttemptProgress, policy: PregraspPolicy, streams: At
         PhaseError: a phase did not complete; ``progress`` holds what was measured before it.
     """
     station = progress.station
-    progress.scene = station.prepare(streams.scene)
+    progress.scene = station.reset(streams.scene)
     progress.book("settle")
     progress.overhead = station.look()
     progress.book("look")
@@ -124,7 +124,7 @@ def run_attempt(
         if pregrasp_picture:
             progress.pregrasp = station.look()
         execute_grasp(progress)
-        outcome = Outcome.HELD if is_held(progress.final_m, station.card.closed_width_m) else Outcome.EMPTY
+        outcome = Outcome.HELD if is_held(progress.final_m, station.spec.closed_width_m) else Outcome.EMPTY
     except UnreachableError as error:
         outcome, failure = Outcome.UNREACHABLE, str(error)
     except PhaseError as error:

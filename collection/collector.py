@@ -17,19 +17,19 @@ from handsight.collection.errors import CollectionSettingsError
 from handsight.collection.policy import PregraspPolicy, UniformPolicy
 from handsight.collection.station import Station
 from handsight.datasets.errors import DatasetError, SessionNotFoundError
-from handsight.datasets.records import GraspAttempt, SessionHeader, StationCard
+from handsight.datasets.records import GraspAttempt, SessionHeader, StationSpec
 from handsight.datasets.store.repository import GraspRepository
 from handsight.datasets.writing.writer import SessionWriter
 from handsight.jobs.engine import LOCAL, Engine
 from handsight.jobs.errors import WorkerDiedError
-from handsight.jobs.ordered import answers_in_order
+from handsight.jobs.ordered import map_ordered
 
 
-class SeededStationFactory(Protocol):
+class StationFactory(Protocol):
     """Opens equal stations in any process; describes them without opening one."""
 
     @property
-    def card(self) -> StationCard:
+    def spec(self) -> StationSpec:
         """The card that every station it opens will show."""
 
     @property
@@ -85,10 +85,10 @@ class CollectReport:
     """Successes among those added by this call."""
 
 
-def session_header(factory: SeededStationFactory, settings: CollectSettings) -> SessionHeader:
+def session_header(factory: StationFactory, settings: CollectSettings) -> SessionHeader:
     """The provenance that a session with these settings records."""
     return SessionHeader(
-        station=factory.card,
+        station=factory.spec,
         seed=settings.seed,
         objects_per_scene=factory.objects_per_scene,
         config={
@@ -101,7 +101,7 @@ def session_header(factory: SeededStationFactory, settings: CollectSettings) -> 
 
 def collect(
     repository: GraspRepository,
-    factory: SeededStationFactory,
+    factory: StationFactory,
     settings: CollectSettings,
     *,
     resume: bool = False,
@@ -129,8 +129,8 @@ def collect(
     work = partial(_attempt, settings=settings)
     numbers = range(resumed_from, settings.attempts)
     successes = 0
-    answers = answers_in_order(factory, work, numbers, workers=settings.workers, engine=engine, noun="attempt")
-    with closing(answers), _finished_is_kept(writer):
+    answers = map_ordered(factory, work, numbers, workers=settings.workers, engine=engine, noun="attempt")
+    with closing(answers), _commit_on_error(writer):
         for attempt in answers:
             writer.append(attempt)
             successes += attempt.labelled and bool(attempt.outcome)
@@ -156,7 +156,7 @@ def _open_writer(repository: GraspRepository, header: SessionHeader, *, resume: 
 
 
 @contextmanager
-def _finished_is_kept(writer: SessionWriter) -> Iterator[None]:
+def _commit_on_error(writer: SessionWriter) -> Iterator[None]:
     """Commit what was appended before an error of anything but the dataset: a resumed session goes on behind it."""
     try:
         yield

@@ -21,7 +21,7 @@ from handsight.servoing.planar import PlanarPose
 from handsight.servoing.view import View
 
 
-class OpensNetwork(Hashable, Protocol):
+class NetworkFactory(Hashable, Protocol):
     """Opens the network of a policy in any process. Equal ones open equal networks; must survive pickling."""
 
     @property
@@ -33,7 +33,7 @@ class OpensNetwork(Hashable, Protocol):
 
 
 @lru_cache(maxsize=1)
-def _opened(open_network: OpensNetwork) -> ScoreInputs:
+def _opened(open_network: NetworkFactory) -> ScoreInputs:
     """The policy comes pickled with every attempt; its network is opened once in a process."""
     return open_network()
 
@@ -42,7 +42,7 @@ def _opened(open_network: OpensNetwork) -> ScoreInputs:
 class ServoPolicy:
     """Servo from a uniformly drawn pose, as in evaluation; a share of the attempts grasps from that pose at once."""
 
-    open_network: OpensNetwork
+    open_network: NetworkFactory
     method: ServoMethod
     random_share: float = 0.3
     """Share of uniform grasps: without them a network would never learn what it has come to avoid."""
@@ -99,7 +99,7 @@ def servo_on_station(
 
     def look() -> tuple[View, PlanarPose]:
         frame = station.look()
-        return station_view(frame, station.card), PlanarPose.from_pose_base_tool(frame.pose_base_tool)
+        return station_view(frame, station.spec), PlanarPose.from_pose_base_tool(frame.pose_base_tool)
 
     def move(pose: PlanarPose) -> bool:
         try:

@@ -13,7 +13,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from handsight.datasets.records import RgbdFrame, SceneObjects, StationCard
+from handsight.datasets.records import RgbdFrame, SceneObjects, StationSpec
 from handsight.servoing.planar import PlanarPose
 
 
@@ -45,7 +45,7 @@ class Station(Protocol):
     """One robot, ready to attempt grasps."""
 
     @property
-    def card(self) -> StationCard:
+    def spec(self) -> StationSpec:
         """What stays fixed during a session."""
 
     @property
@@ -60,7 +60,7 @@ class Station(Protocol):
     def width_m(self) -> float:
         """Opening between the jaws now [m]."""
 
-    def prepare(self, rng: np.random.Generator) -> SceneObjects | None:
+    def reset(self, rng: np.random.Generator) -> SceneObjects | None:
         """Ready a new scene with the arm at the pre-set overhead pose.
 
         A simulated station drops fresh objects and returns where they came to rest; a rig homes and returns None.

@@ -30,11 +30,11 @@ class S3Prefix:
         return f"s3://{self.bucket}/{self.prefix}"
 
 
-Place = Path | S3Prefix
+Location = Path | S3Prefix
 
 
-def place_of(text: str | Place) -> Place:
-    """The place that a path or an ``s3://bucket/prefix`` names.
+def location_of(text: str | Location) -> Location:
+    """The location that a path or an ``s3://bucket/prefix`` names.
 
     Raises:
         AddressError: It is a URL of another kind, or has no bucket or prefix.
@@ -57,8 +57,8 @@ def place_of(text: str | Place) -> Place:
 class DatasetAddress:
     """Where a dataset is and the version of it that is meant."""
 
-    path: Place
-    """The folder of the dataset, or its place in a bucket."""
+    path: Location
+    """The folder of the dataset, or its location in a bucket."""
     ref: str = DEFAULT_REF
     """A release, a branch or a snapshot id, looked up in this order."""
 
@@ -77,7 +77,7 @@ class DatasetAddress:
             raise AddressError(f"dataset address {text!r} ends in '@': name a release, branch or snapshot, or drop it")
         if not name:
             raise AddressError(f"dataset address is {text!r}, expected PATH or PATH@REF with a folder name in PATH")
-        return cls(path=place_of(parent + slash + name), ref=ref)
+        return cls(path=location_of(parent + slash + name), ref=ref)
 
     def __str__(self) -> str:
         return f"{self.path}@{self.ref}"

@@ -24,7 +24,7 @@ DatasetError
 ├── InterchangeError (ValueError)              a foreign file that cannot be imported, or a place to export to
 ├── MergeError (ValueError)                    sessions that do not belong into one dataset
 ├── CorruptDataError (OSError)                 stored bytes that fail their checksum or are missing
-├── StorageError (OSError)                     the storage engine failed
+├── StorageError (OSError)                     Icechunk failed
 ├── DatasetBusyError (TimeoutError)            another process held the commit lock for too long
 └── ForkedProcessError (RuntimeError)          use in a forked child of the process that opened the dataset
 """
@@ -129,7 +129,7 @@ class CorruptDataError(DatasetError, OSError):
 
 
 class StorageError(DatasetError, OSError):
-    """The storage engine failed, for instance because the disk is full."""
+    """Icechunk failed, for instance because the disk is full."""
 
 
 class DatasetBusyError(DatasetError, TimeoutError):
@@ -137,7 +137,7 @@ class DatasetBusyError(DatasetError, TimeoutError):
 
 
 class ForkedProcessError(DatasetError, RuntimeError):
-    """An open dataset was used in a forked child, where the storage engine would hang."""
+    """An open dataset was used in a forked child, where Icechunk would hang."""
 
 
 def headline(error: Exception) -> str:

@@ -44,7 +44,7 @@ class RgbdFrame:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class StationCard:
+class StationSpec:
     """What stays fixed during a session: the instruments, as needed to interpret every attempt."""
 
     source: str
@@ -71,13 +71,13 @@ class SceneObjects:
     """The objects of one attempt after they came to rest (simulation only)."""
 
     catalogue_index: NDArray[np.int16]
-    """Index of each object in ``StationCard.objects``. Shape (M,)."""
+    """Index of each object in ``StationSpec.objects``. Shape (M,)."""
     pose_base_object: NDArray[np.float64]
     """Position [m] and quaternion, as x y z qx qy qz qw, when the overhead picture was taken. Shape (M, 7)."""
     target: int
     """Which of the M objects the pre-grasp pose was drawn around."""
     conditions: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
-    """Values of ``StationCard.conditions`` in this attempt. Shape (K,)."""
+    """Values of ``StationSpec.conditions`` in this attempt. Shape (K,)."""
 
 
 PHASES = ("settle", "look", "reach", "descend", "close", "lift", "shake")
@@ -139,7 +139,7 @@ class GraspAttempt:
 class SessionHeader:
     """Provenance shared by the attempts of one session; written once, when the session opens."""
 
-    station: StationCard
+    station: StationSpec
     seed: int | None
     """Seed of a simulated session; None on a real rig."""
     objects_per_scene: int

@@ -2,7 +2,7 @@
 
 EvaluationError
 ├── EvaluationSettingsError (ValueError)   settings out of range
-└── SuspectsError (ValueError)             attempts whose labels cannot be reviewed
+└── LabelIssuesError (ValueError)             attempts whose labels cannot be reviewed
 """
 
 
@@ -14,5 +14,5 @@ class EvaluationSettingsError(EvaluationError, ValueError):
     """Settings out of range."""
 
 
-class SuspectsError(EvaluationError, ValueError):
+class LabelIssuesError(EvaluationError, ValueError):
     """Attempts whose labels cannot be reviewed."""

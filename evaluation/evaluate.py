@@ -13,14 +13,14 @@ import torch
 from handsight.collection.station import Station
 from handsight.evaluation.errors import EvaluationSettingsError
 from handsight.evaluation.trial import Trial, TrialRecording, run_trial
-from handsight.jobs.ordered import answers_in_order
+from handsight.jobs.ordered import map_ordered
 from handsight.servoing.loop import ServoSettings
 from handsight.servoing.methods.registry import RANDOM, check_methods
 from handsight.servoing.objective import ScoreInputs
 from handsight.training.run import load_scorer
 
 
-class OpensStation(Protocol):
+class OpenStation(Protocol):
     """Opens equal stations in any process; must survive pickling."""
 
     def __call__(self) -> Station:
@@ -55,7 +55,7 @@ class EvaluationSettings:
 
 
 @dataclass(frozen=True, slots=True)
-class Bench:
+class TrialContext:
     """What a worker holds: a station and a network."""
 
     station: Station
@@ -67,24 +67,24 @@ class Bench:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BenchFactory:
-    """Opens a bench in a worker process."""
+class TrialContextFactory:
+    """Opens a context in a worker process."""
 
-    open_station: OpensStation
+    open_station: OpenStation
     run: Path
     """Folder of the trained run."""
 
-    def __call__(self) -> Bench:
+    def __call__(self) -> TrialContext:
         """Open the station and load the network.
 
         One thread each: several workers with several threads would only wait for each other.
         """
         torch.set_num_threads(1)
-        return Bench(self.open_station(), load_scorer(self.run))
+        return TrialContext(self.open_station(), load_scorer(self.run))
 
 
 def evaluate(
-    factory: BenchFactory, settings: EvaluationSettings, *, on_trial: Callable[[Trial], None] | None = None
+    factory: TrialContextFactory, settings: EvaluationSettings, *, on_trial: Callable[[Trial], None] | None = None
 ) -> list[Trial]:
     """Run every trial with every method; the results do not depend on the number of workers.
 
@@ -94,7 +94,7 @@ def evaluate(
     tasks = [(number, method) for number in range(settings.trials) for method in settings.methods]
     work = partial(_trial, seed=settings.seed, servo=settings.servo)
     trials = []
-    for trial in answers_in_order(factory, work, tasks, workers=settings.workers):
+    for trial in map_ordered(factory, work, tasks, workers=settings.workers):
         trials.append(trial)
         if on_trial is not None:
             on_trial(trial)
@@ -102,21 +102,21 @@ def evaluate(
 
 
 def record_trial(
-    factory: BenchFactory, method: str, number: int, *, seed: int, servo: ServoSettings
+    factory: TrialContextFactory, method: str, number: int, *, seed: int, servo: ServoSettings
 ) -> TrialRecording | None:
     """Run one trial again in this process and keep everything seen; None when it failed before servoing."""
-    bench = factory()
+    context = factory()
     try:
-        _, recording = run_trial(bench.station, bench.score_inputs, method, number, seed=seed, settings=servo)
+        _, recording = run_trial(context.station, context.score_inputs, method, number, seed=seed, settings=servo)
     finally:
-        bench.close()
+        context.close()
     return recording
 
 
-def _trial(bench: Bench, task: tuple[int, str], *, seed: int, servo: ServoSettings) -> Trial:
+def _trial(context: TrialContext, task: tuple[int, str], *, seed: int, servo: ServoSettings) -> Trial:
     number, method = task
-    scorer = None if method == RANDOM else bench.score_inputs
-    return run_trial(bench.station, scorer, method, number, seed=seed, settings=servo)[0]
+    scorer = None if method == RANDOM else context.score_inputs
+    return run_trial(context.station, scorer, method, number, seed=seed, settings=servo)[0]
 
 
 def method_names(text: str) -> Sequence[str]:

@@ -20,7 +20,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from handsight.datasets.curation.folds import UNKNOWN_GROUP, assign_folds, attempt_groups
-from handsight.evaluation.errors import EvaluationSettingsError, SuspectsError
+from handsight.evaluation.errors import EvaluationSettingsError, LabelIssuesError
 from handsight.training.metrics import Metrics, evaluate_scores
 
 SHARE_OF_PRIOR = 0.5
@@ -29,7 +29,7 @@ failures were equally many. docs/datasets.md has what each of them finds."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Suspect:
+class LabelIssue:
     """An attempt and how much its label is doubted."""
 
     attempt: str
@@ -65,7 +65,7 @@ class Suspect:
 class LabelReview:
     """The most doubted labels, and how far to trust the doubt."""
 
-    suspects: tuple[Suspect, ...]
+    suspects: tuple[LabelIssue, ...]
     """Most doubted first."""
     quality: Metrics
     """Of the scores of all attempts, those that are not listed included."""
@@ -89,7 +89,7 @@ def review_folds(attempts: pd.DataFrame, *, count: int, seed: int) -> NDArray[np
 
     Raises:
         EvaluationSettingsError: Fewer than two folds, or a negative seed.
-        SuspectsError: There are not as many successes and failures as folds.
+        LabelIssuesError: There are not as many successes and failures as folds.
     """
     faults = [f"folds are {count}, expected at least 2"] if count < 2 else []
     faults += [f"seed is {seed}, expected 0 or more"] if seed < 0 else []
@@ -99,7 +99,7 @@ def review_folds(attempts: pd.DataFrame, *, count: int, seed: int) -> NDArray[np
     successes = int(labels.sum())
     failures = len(labels) - successes
     if min(successes, failures) < count:
-        raise SuspectsError(
+        raise LabelIssuesError(
             f"there are {successes} successes and {failures} failures, expected at least {count} of each, one for "
             "every fold: collect more attempts"
         )
@@ -116,7 +116,7 @@ def label_doubt(scores: NDArray[np.float32], labels: NDArray[np.float32]) -> NDA
     return np.where(labels > 0.5, 1 - scores, scores)
 
 
-def odds_against(scores: NDArray[np.float32], labels: NDArray[np.float32]) -> NDArray[np.float64]:
+def issue_log_odds(scores: NDArray[np.float32], labels: NDArray[np.float32]) -> NDArray[np.float64]:
     """Logarithm of the odds that each label is wrong, with ``SHARE_OF_PRIOR`` of what is due to rare labels taken out.
 
     (N,), (N,) -> (N,).
@@ -129,7 +129,7 @@ def odds_against(scores: NDArray[np.float32], labels: NDArray[np.float32]) -> ND
     return np.log(doubt / (1 - doubt)) + SHARE_OF_PRIOR * prior
 
 
-def rank_suspects(
+def rank_label_issues(
     attempts: pd.DataFrame, scores: NDArray[np.float32], *, count: int, listed: NDArray[np.bool_] | None = None
 ) -> LabelReview:
     """The attempts whose labels the networks speak against most, in the order of their doubt.
@@ -137,26 +137,26 @@ def rank_suspects(
     Args:
         attempts: Rows of the attempts table, all of them labelled.
         scores: Predicted success of each, by a network that never saw it. Shape (N,).
-        count: How many to list at most. They are chosen by :func:`odds_against`.
+        count: How many to list at most. They are chosen by :func:`issue_log_odds`.
         listed: Which may be listed; None for all. The quality of the scores is that of all. Shape (N,).
     """
     labels = attempts["success"].to_numpy(dtype=np.float32)
-    order = np.argsort(-odds_against(scores, labels), kind="stable")
+    order = np.argsort(-issue_log_odds(scores, labels), kind="stable")
     if listed is not None:
         order = order[listed[order]]
     chosen = order[:count]
     doubt = label_doubt(scores, labels)
     chosen = chosen[np.argsort(-doubt[chosen], kind="stable")]
     return LabelReview(
-        suspects=tuple(_suspect(attempts.iloc[at], scores[at], doubt[at]) for at in chosen),
+        suspects=tuple(_label_issue(attempts.iloc[at], scores[at], doubt[at]) for at in chosen),
         quality=evaluate_scores(scores, labels),
     )
 
 
-def _suspect(row: pd.Series[Any], score: np.float32, doubt: np.float32) -> Suspect:
+def _label_issue(row: pd.Series[Any], score: np.float32, doubt: np.float32) -> LabelIssue:
     success = bool(row["success"])
     truth = None if pd.isna(row["truth_held"]) else bool(row["truth_held"])
-    return Suspect(
+    return LabelIssue(
         attempt=str(row.name),
         success=success,
         predicted_success=float(score),

@@ -18,7 +18,7 @@ from handsight.collection.errors import PhaseError
 from handsight.collection.policy import UniformPolicy
 from handsight.collection.servo_policy import servo_on_station
 from handsight.collection.station import Station
-from handsight.datasets.records import RgbdFrame, SceneObjects, StationCard
+from handsight.datasets.records import RgbdFrame, SceneObjects, StationSpec
 from handsight.servoing.loop import ServoSettings, ServoTrace
 from handsight.servoing.methods.registry import METHODS
 from handsight.servoing.objective import ScoreInputs
@@ -47,7 +47,7 @@ class TrialRecording:
 
     trial: Trial
     trace: ServoTrace
-    station: StationCard
+    station: StationSpec
     scene: SceneObjects | None
     overhead: RgbdFrame
 
@@ -80,7 +80,7 @@ def run_trial(
     trial = Trial(
         number=number,
         method=method,
-        success=not failure and is_held(progress.final_m, station.card.closed_width_m),
+        success=not failure and is_held(progress.final_m, station.spec.closed_width_m),
         failure=failure,
         moves=trace.moves if trace else 0,
         compute_s=float(np.mean([step.compute_s for step in trace.steps])) if trace else float("nan"),
@@ -92,11 +92,11 @@ def run_trial(
 def _recording(progress: AttemptProgress, trial: Trial, trace: ServoTrace | None) -> TrialRecording | None:
     if trace is None or progress.overhead is None:
         return None
-    card = progress.station.card
+    spec = progress.station.spec
     return TrialRecording(
         trial=trial,
         trace=trace,
-        station=card,
+        station=spec,
         scene=progress.scene,
         overhead=progress.overhead,
     )

@@ -1,4 +1,4 @@
-"""Many tasks on several workers, each with a bench of its own, answered in order.
+"""Many tasks on several workers, each with a context of its own, answered in order.
 
 Tasks are handed out a few ahead of the oldest unanswered one, which bounds memory and makes the order of answers
 independent of who was faster. A worker that dies is replaced and what it owed is computed again; as an answer depends
@@ -29,7 +29,7 @@ class Closable(Protocol):
         """Let go of it."""
 
 
-Bench = TypeVar("Bench", bound=Closable)
+Context = TypeVar("Context", bound=Closable)
 Task = TypeVar("Task")
 Answer = TypeVar("Answer")
 
@@ -40,37 +40,37 @@ DEATHS_TO_GIVE_UP = 3
 
 _log = logging.getLogger(__name__)
 
-_bench: Any = None
+_context: Any = None
 """What this worker process opened once: a station, perhaps with a network."""
 
 
-def _open_bench(open_bench: Callable[[], Closable]) -> None:
-    global _bench
-    _bench = open_bench()
-    atexit.register(_bench.close)
+def _init_worker(worker_init: Callable[[], Closable]) -> None:
+    global _context
+    _context = worker_init()
+    atexit.register(_context.close)
 
 
 def _answer(work: Callable[[Any, Any], Any], task: Any) -> Any:
-    return work(_bench, task)
+    return work(_context, task)
 
 
-def answers_in_order(
-    open_bench: Callable[[], Bench],
-    work: Callable[[Bench, Task], Answer],
+def map_ordered(
+    worker_init: Callable[[], Context],
+    work: Callable[[Context, Task], Answer],
     tasks: Iterable[Task],
     *,
     workers: int,
     engine: Engine = LOCAL,
     noun: str = "task",
 ) -> Generator[Answer, None, None]:
-    """``work(bench, task)`` for every task, in the order of the tasks, on ``workers`` processes.
+    """``work(context, task)`` for every task, in the order of the tasks, on ``workers`` processes.
 
-    ``open_bench`` is called once in each process; it, ``work``, tasks and answers must survive pickling. The answers
+    ``worker_init`` is called once in each process; it, ``work``, tasks and answers must survive pickling. The answers
     depend neither on the engine, nor on the number of workers, nor on their deaths, as long as ``work`` leaves
-    nothing behind on its bench. Close the iterator to end the workers early.
+    nothing behind on its context. Close the iterator to end the workers early.
 
     Args:
-        open_bench: Opens what a worker needs for all of its tasks.
+        worker_init: Opens what a worker needs for all of its tasks.
         work: Computes one answer.
         tasks: Taken one by one, as there is room for them.
         workers: Number of processes.
@@ -79,20 +79,20 @@ def answers_in_order(
 
     Raises:
         WorkerDiedError: Three workers in a row ended over the same task, for instance killed for memory, after all
-            answers before it were given; or three in a row while opening their benches.
-        Exception: Whatever ``open_bench`` or ``work`` raised, the latter in the place of its answer.
+            answers before it were given; or three in a row while opening their contexts.
+        Exception: Whatever ``worker_init`` or ``work`` raised, the latter in the place of its answer.
     """
-    crew: _Crew[Task, Answer] = _Crew(
-        engine, partial(_open_bench, open_bench), partial(_answer, work), workers=workers, noun=noun
+    pool: _Pool[Task, Answer] = _Pool(
+        engine, partial(_init_worker, worker_init), partial(_answer, work), workers=workers, noun=noun
     )
     try:
-        yield from crew.answers(tasks)
+        yield from pool.answers(tasks)
     finally:
-        crew.leave()
+        pool.shutdown()
 
 
 @dataclass(slots=True)
-class _Seat:
+class _Slot:
     """A worker, the calls it owes, and how many in a row died here before they were ready."""
 
     worker: Executor
@@ -109,24 +109,24 @@ class _Seat:
         return self.calls[0][1] if self.calls else None
 
 
-class _Crew(Generic[Task, Answer]):
+class _Pool(Generic[Task, Answer]):
     """The workers and the tasks in hand, from the oldest unanswered one to the newest one taken."""
 
     def __init__(
         self,
         engine: Engine,
-        open_bench: Callable[[], None],
+        worker_init: Callable[[], None],
         work: Callable[[Task], Answer],
         *,
         workers: int,
         noun: str,
     ) -> None:
         self._engine = engine
-        self._open_bench = open_bench
+        self._init_worker = worker_init
         self._work = work
         self._workers = workers
         self._noun = noun
-        self._seats: list[_Seat] = []
+        self._slots: list[_Slot] = []
         self._tasks: dict[int, Task] = {}
         self._to_do: list[int] = []  # A heap: what a dead worker owed goes before newer tasks.
         self._done: dict[int, Future[Answer]] = {}
@@ -142,7 +142,7 @@ class _Crew(Generic[Task, Answer]):
             if not self._tasks:
                 return
             if self._failure is None:
-                self._look_after_all()
+                self._collect_answers()
                 self._hand_out()
             if head in self._done:
                 del self._tasks[head]
@@ -151,72 +151,72 @@ class _Crew(Generic[Task, Answer]):
             elif self._failure is not None:
                 raise self._failure
             else:
-                wait([one for seat in self._seats if (one := seat.next_future)], return_when=FIRST_COMPLETED)
+                wait([one for slot in self._slots if (one := slot.next_future)], return_when=FIRST_COMPLETED)
 
-    def leave(self) -> None:
+    def shutdown(self) -> None:
         """End all workers at a time. Calls that have begun are waited for."""
         # In threads: a pool that was told to end without being waited for cannot be waited for afterwards, and one
         # that still ends while Python does leaves a traceback behind.
-        with ThreadPoolExecutor(max(1, len(self._seats))) as farewells:
-            list(farewells.map(lambda seat: seat.worker.shutdown(wait=True, cancel_futures=True), self._seats))
+        with ThreadPoolExecutor(max(1, len(self._slots))) as shutdowns:
+            list(shutdowns.map(lambda slot: slot.worker.shutdown(wait=True, cancel_futures=True), self._slots))
 
     def _take(self, supply: Iterator[tuple[int, Task]]) -> None:
-        """Fill the window with tasks, and seats with no more workers than there are tasks."""
+        """Fill the window with tasks, and slots with no more workers than there are tasks."""
         for number, task in islice(supply, AHEAD_PER_WORKER * self._workers - len(self._tasks)):
             self._tasks[number] = task
             heapq.heappush(self._to_do, number)
-        while len(self._seats) < min(self._workers, len(self._tasks)):
-            self._seats.append(_Seat(*self._hire()))
+        while len(self._slots) < min(self._workers, len(self._tasks)):
+            self._slots.append(_Slot(*self._spawn()))
 
-    def _hire(self) -> tuple[Executor, Future[None]]:
+    def _spawn(self) -> tuple[Executor, Future[None]]:
         worker = self._engine.start_worker()
-        return worker, _submit(worker, self._open_bench)
+        return worker, _submit(worker, self._init_worker)
 
     def _hand_out(self) -> None:
         """Give every ready worker enough to do, all of them one call before any of them a second."""
         for depth in range(CALLS_PER_WORKER):
-            for seat in self._seats:
-                if self._to_do and seat.ready and len(seat.calls) == depth:
+            for slot in self._slots:
+                if self._to_do and slot.ready and len(slot.calls) == depth:
                     number = heapq.heappop(self._to_do)
-                    seat.calls.append((number, _submit(seat.worker, self._work, self._tasks[number])))
+                    slot.calls.append((number, _submit(slot.worker, self._work, self._tasks[number])))
 
-    def _look_after_all(self) -> None:
+    def _collect_answers(self) -> None:
         """Take what the workers have finished, and replace those that died."""
-        for seat in self._seats:
-            if not seat.ready and seat.opening.done():
-                self._welcome(seat)
-            while seat.calls and seat.calls[0][1].done():
-                number, answer = seat.calls[0]
+        for slot in self._slots:
+            if not slot.ready and slot.opening.done():
+                self._on_started(slot)
+            while slot.calls and slot.calls[0][1].done():
+                number, answer = slot.calls[0]
                 if isinstance(answer.exception(), BrokenExecutor):
-                    self._replace(seat, number)
+                    self._replace(slot, number)
                     break
-                seat.calls.popleft()
+                slot.calls.popleft()
                 self._deaths.pop(number, None)
                 self._done[number] = answer
 
-    def _welcome(self, seat: _Seat) -> None:
-        """See whether a worker could open its bench. What it cannot open, no other one will."""
-        failure = seat.opening.exception()
+    def _on_started(self, slot: _Slot) -> None:
+        """See whether a worker could open its context. What it cannot open, no other one will."""
+        failure = slot.opening.exception()
         if failure is None:
-            seat.ready, seat.deaths = True, 0
+            slot.ready, slot.deaths = True, 0
         elif not isinstance(failure, BrokenExecutor):
             self._failure = failure
         else:
-            seat.deaths += 1
-            if seat.deaths == DEATHS_TO_GIVE_UP:
+            slot.deaths += 1
+            if slot.deaths == DEATHS_TO_GIVE_UP:
                 oldest = self._name(min(self._tasks))
                 self._failure = WorkerDiedError(
-                    f"{oldest}: {DEATHS_TO_GIVE_UP} workers in a row ended while they opened their benches "
+                    f"{oldest}: {DEATHS_TO_GIVE_UP} workers in a row ended while they opened their contexts "
                     "(killed, or out of memory)"
                 )
                 return
             _log.warning("a worker ended before it was ready (killed, or out of memory); it is replaced")
-            self._seat_another(seat)
+            self._restart(slot)
 
-    def _replace(self, seat: _Seat, number: int) -> None:
+    def _replace(self, slot: _Slot, number: int) -> None:
         """Put another worker in the place of one that died over the task ``number``, the oldest it owed."""
         self._deaths[number] += 1
-        owed = [one for one, _ in seat.calls]
+        owed = [one for one, _ in slot.calls]
         if self._deaths[number] == DEATHS_TO_GIVE_UP:
             # Told in its turn, behind the answers to older tasks.
             owed.remove(number)
@@ -230,13 +230,13 @@ class _Crew(Generic[Task, Answer]):
         for one in owed:
             heapq.heappush(self._to_do, one)
         _log.warning("a worker ended over %s (killed, or out of memory); it is replaced", self._name(number))
-        self._seat_another(seat)
+        self._restart(slot)
 
-    def _seat_another(self, seat: _Seat) -> None:
-        seat.worker.shutdown(wait=False)
-        seat.calls.clear()
-        seat.ready = False
-        seat.worker, seat.opening = self._hire()
+    def _restart(self, slot: _Slot) -> None:
+        slot.worker.shutdown(wait=False)
+        slot.calls.clear()
+        slot.ready = False
+        slot.worker, slot.opening = self._spawn()
 
     def _name(self, number: int) -> str:
         return f"{self._noun} {self._tasks[number]}"

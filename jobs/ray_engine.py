@@ -30,7 +30,7 @@ NEW_CLUSTER = "local"
 STORE_BYTES_PER_WORKER = 128 * 2**20
 """Shared memory of a cluster of our own: far more than the answers that can wait for one worker."""
 CONNECT_LIMIT_S = 10.0
-FAREWELL_LIMIT_S = 30.0
+SHUTDOWN_LIMIT_S = 30.0
 
 
 @contextmanager
@@ -102,13 +102,13 @@ class _RayWorker(Executor):
         return answered
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """End the actor behind the calls that it has, so that it closes its bench; with ``wait``, see it gone."""
+        """End the actor behind the calls that it has, so that it closes its context; with ``wait``, see it gone."""
         farewell = self._actor.__ray_terminate__.remote()
         if wait:
             # The farewell is done once the actor is dead. One that never began, for want of a free CPU, would wait
             # for ever; one that hangs or is cut off, too.
             begun = self._first is not None and self._first.done()
-            self._ray.wait([farewell], timeout=FAREWELL_LIMIT_S if begun else 0)
+            self._ray.wait([farewell], timeout=SHUTDOWN_LIMIT_S if begun else 0)
             self._ray.kill(self._actor)
 
 

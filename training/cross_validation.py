@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from handsight.datasets.inputs.materialize import GraspInputs
 from handsight.training.errors import TrainingDataError
 from handsight.training.metrics import Metrics, evaluate_scores
-from handsight.training.trainer import Epoch, TrainSettings, predict_mirrored, train
+from handsight.training.trainer import Epoch, TrainSettings, predict_with_flips, train
 
 _FAULTS_LISTED = 5
 
@@ -29,7 +29,7 @@ def out_of_fold_scores(
     """Predicted success of every attempt, by the network that was trained on all folds but its own.
 
     No label has a part in the scores of its own fold. Every network starts from the same seed, so the scores follow
-    from the division, not from the numbers of its folds. Each is the mean over the mirrorings of the input, which
+    from the division, not from the numbers of its folds. Each is the mean over the flips of the input, which
     tells successes from failures a little better than one of them.
 
     Args:
@@ -52,7 +52,7 @@ def out_of_fold_scores(
         others = np.flatnonzero(fold_of_attempt != fold)
         held_out = np.flatnonzero(fold_of_attempt == fold)
         network, _ = train(data, recipe, rows=others, on_epoch=on_epoch)
-        scores[held_out] = predict_mirrored(network, data.inputs, torch.from_numpy(held_out))
+        scores[held_out] = predict_with_flips(network, data.inputs, torch.from_numpy(held_out))
         if on_fold is not None:
             on_fold(fold, evaluate_scores(scores[held_out], data.labels[held_out]))
     return scores

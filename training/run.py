@@ -20,7 +20,7 @@ from handsight.training.trainer import Epoch, TrainSettings
 
 RUN_VERSION = 1
 WEIGHTS = "model.safetensors"
-CARD = "run.json"
+RUN_RECORD = "run.json"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,7 +44,7 @@ class TrainedRun:
     network: GraspQualityNetwork
     origin: DataOrigin
     grid: InputGrid
-    card: dict[str, Any]
+    record: dict[str, Any]
     """The whole ``run.json``."""
 
     def scorer(self) -> Scorer:
@@ -60,7 +60,7 @@ def check_run_folder(folder: Path) -> None:
     """
     if folder.is_file():
         raise CheckpointError(f"{folder} is a file, expected a new folder for the run: choose another --out")
-    if folder.is_dir() and any(folder.iterdir()) and not (folder / CARD).exists():
+    if folder.is_dir() and any(folder.iterdir()) and not (folder / RUN_RECORD).exists():
         raise CheckpointError(f"{folder} holds other files, expected a new or empty folder: choose another --out")
 
 
@@ -73,12 +73,12 @@ def save_run(
     settings: TrainSettings,
     history: Sequence[Epoch],
 ) -> None:
-    """Write weights and card; the card comes last, so a folder with a card is complete."""
+    """Write weights and record; the record comes last, so a folder with a record is complete."""
     check_run_folder(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / CARD).unlink(missing_ok=True)
+    (folder / RUN_RECORD).unlink(missing_ok=True)
     save_file(network.state_dict(), folder / WEIGHTS)
-    card = {
+    record = {
         "run_version": RUN_VERSION,
         "handsight": __version__,
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
@@ -88,9 +88,9 @@ def save_run(
         "parameters": sum(parameter.numel() for parameter in network.parameters()),
         "history": [asdict(epoch) for epoch in history],
     }
-    unfinished = folder / f".{CARD}.unfinished"
-    unfinished.write_text(json.dumps(card, indent=2) + "\n", encoding="utf-8")
-    unfinished.replace(folder / CARD)
+    unfinished = folder / f".{RUN_RECORD}.unfinished"
+    unfinished.write_text(json.dumps(record, indent=2) + "\n", encoding="utf-8")
+    unfinished.replace(folder / RUN_RECORD)
 
 
 def load_run(folder: str | Path) -> TrainedRun:
@@ -100,25 +100,25 @@ def load_run(folder: str | Path) -> TrainedRun:
         CheckpointError: The folder is missing, is no run, or is damaged or newer than this handsight.
     """
     folder = Path(folder)
-    if not (folder / CARD).is_file():
+    if not (folder / RUN_RECORD).is_file():
         what = "holds no finished run" if folder.is_dir() else "is no folder"
-        raise CheckpointError(f"{folder} {what} ({CARD} is missing): train one with 'handsight train'")
+        raise CheckpointError(f"{folder} {what} ({RUN_RECORD} is missing): train one with 'handsight train'")
     try:
-        card = json.loads((folder / CARD).read_text(encoding="utf-8"))
-        if card["run_version"] > RUN_VERSION:
+        record = json.loads((folder / RUN_RECORD).read_text(encoding="utf-8"))
+        if record["run_version"] > RUN_VERSION:
             raise CheckpointError(
-                f"{folder} was written by a newer handsight (run version {card['run_version']}, this one reads up to "
+                f"{folder} was written by a newer handsight (run version {record['run_version']}, this one reads up to "
                 f"{RUN_VERSION}): upgrade handsight"
             )
-        recorded: dict[str, Any] = card["settings"]["network"]
+        recorded: dict[str, Any] = record["settings"]["network"]
         shape: dict[str, Any] = {name: tuple(v) if isinstance(v, list) else v for name, v in recorded.items()}
         network = GraspQualityNetwork(GqnConfig(**shape))
         network.load_state_dict(load_file(folder / WEIGHTS))
         return TrainedRun(
             network=network.eval(),
-            origin=DataOrigin(**card["origin"]),
-            grid=InputGrid(**card["grid"]),
-            card=card,
+            origin=DataOrigin(**record["origin"]),
+            grid=InputGrid(**record["grid"]),
+            record=record,
         )
     except (OSError, KeyError, TypeError, ValueError, RuntimeError, SafetensorError) as error:
         if isinstance(error, CheckpointError):

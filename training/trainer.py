@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional
 
-from handsight.datasets.inputs.augmentation import MIRRORINGS, Jitter, mirrored
+from handsight.datasets.inputs.augmentation import FLIPS, Jitter, flipped
 from handsight.datasets.inputs.materialize import GraspInputs
 from handsight.training.errors import TrainerSettingsError, TrainingDataError
 from handsight.training.gqn import GqnConfig, GraspQualityNetwork, Scorer
@@ -27,7 +27,7 @@ class TrainSettings:
 
     network: GqnConfig = field(default_factory=GqnConfig)
     epochs: int = 20
-    """Passes over the data; in each, every attempt is seen in all four mirrorings."""
+    """Passes over the data; in each, every attempt is seen in all four flips."""
     batch: int = 200
     learning_rate: float = 2e-3
     """Peak of a one-cycle schedule."""
@@ -100,7 +100,7 @@ def train(
     trained_on = trained_on.sort().values  # memory-mapped reads run forwards
 
     # --- optimiser and schedule
-    batches = math.ceil(len(trained_on) * MIRRORINGS / settings.batch)
+    batches = math.ceil(len(trained_on) * FLIPS / settings.batch)
     optimiser = torch.optim.AdamW(network.parameters(), lr=settings.learning_rate, weight_decay=settings.weight_decay)
     schedule = torch.optim.lr_scheduler.OneCycleLR(
         optimiser, settings.learning_rate, total_steps=settings.epochs * batches
@@ -112,15 +112,15 @@ def train(
     for number in range(1, settings.epochs + 1):
         network.train()
         total_loss = 0.0
-        order = torch.randperm(len(trained_on) * MIRRORINGS, generator=generator)
+        order = torch.randperm(len(trained_on) * FLIPS, generator=generator)
         for chosen in order.split(settings.batch):
             if len(chosen) < 2:
                 continue  # batch normalisation has no variance over one input
 
             # --- batch: read, mirror, jitter
-            attempts = trained_on[chosen // MIRRORINGS]
+            attempts = trained_on[chosen // FLIPS]
             inputs = _read(data.inputs, attempts)  # (B, 4, size, size)
-            inputs = settings.jitter(mirrored(inputs, chosen % MIRRORINGS), generator)
+            inputs = settings.jitter(flipped(inputs, chosen % FLIPS), generator)
 
             # --- forward, backward, step
             logits = network(inputs)  # (B,)
@@ -146,13 +146,13 @@ def predict(network: GraspQualityNetwork, inputs: NDArray[np.float16], rows: Ten
     return torch.cat(scores).numpy() if scores else np.empty(0, np.float32)
 
 
-def predict_mirrored(network: GraspQualityNetwork, inputs: NDArray[np.float16], rows: Tensor) -> NDArray[np.float32]:
-    """As :func:`predict`, averaged over the four mirrorings of each input. Shape (len(rows),)."""
+def predict_with_flips(network: GraspQualityNetwork, inputs: NDArray[np.float16], rows: Tensor) -> NDArray[np.float32]:
+    """As :func:`predict`, averaged over the four flips of each input. Shape (len(rows),)."""
     score = Scorer(network)
     scores = []
     for batch in rows.split(SCORE_BATCH):
         read = _read(inputs, batch)
-        variants = [score(mirrored(read, torch.full((len(batch),), which))) for which in range(MIRRORINGS)]
+        variants = [score(flipped(read, torch.full((len(batch),), which))) for which in range(FLIPS)]
         scores.append(torch.stack(variants).mean(dim=0))
     return torch.cat(scores).numpy()
 

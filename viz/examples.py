@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from handsight.evaluation.label_issues import Suspect
+from handsight.evaluation.label_issues import LabelIssue
 from handsight.servoing.heatmap import Heatmap
 from handsight.servoing.homography import InputGrid
 from handsight.servoing.view import View
@@ -29,10 +29,10 @@ class HeatmapExample:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SuspectExample:
+class LabelIssueExample:
     """A doubted attempt with what is needed to judge it."""
 
-    suspect: Suspect
+    suspect: LabelIssue
     view: View
     """The overhead picture."""
     grasp: Step

@@ -15,7 +15,7 @@ from handsight.cli.options import Dataset, Json
 from handsight.cli.output import console, errors, print_json, print_table
 from handsight.datasets.reading.listing import Listed, Listing, list_attempts
 from handsight.datasets.reading.reader import GraspDataset
-from handsight.datasets.records import GraspAttempt, StationCard
+from handsight.datasets.records import GraspAttempt, StationSpec
 
 HEADINGS = {
     "outcome": "outcome",
@@ -112,7 +112,7 @@ def _check_picture(path: Path) -> None:
     check_figure_path(path, ".png")
 
 
-def _draw(path: Path, name: str, attempt: GraspAttempt, station: StationCard, *, success: bool | None) -> None:
+def _draw(path: Path, name: str, attempt: GraspAttempt, station: StationSpec, *, success: bool | None) -> None:
     from handsight.viz.figures.attempt import attempt_figure
 
     attempt_figure(path, name, attempt, station, success=success)

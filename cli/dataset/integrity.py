@@ -16,7 +16,7 @@ import typer
 from handsight.cli.options import Dataset, DatasetPath, Json, Seed
 from handsight.cli.output import console, print_json, print_table, progress_bar
 from handsight.datasets.format.schema import VIEWPOINTS
-from handsight.datasets.integrity.doctor import doctor
+from handsight.datasets.integrity.doctor.examine import doctor
 from handsight.datasets.integrity.maintenance import collect_garbage, expire
 from handsight.datasets.integrity.repair import ResimulateAttempt, repair
 from handsight.datasets.integrity.verify import VerifyReport, verify
@@ -195,7 +195,7 @@ def gc(
         f"{would} {report.bytes / 1e6:.1f} MB: {report.chunks} chunks, {report.snapshots} snapshots, "
         f"{report.other_files} other files from before {report.older_than:%Y-%m-%d %H:%M:%S} UTC"
     )
-    for session in report.held_back_by:
+    for session in report.retained_by:
         console.print(f"session {session} is open and may be writing: nothing younger than its last commit is touched")
 
 

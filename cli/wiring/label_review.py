@@ -23,13 +23,13 @@ from handsight.datasets.reading.reader import GraspDataset
 from handsight.datasets.reading.selection import matches
 from handsight.datasets.records import RgbdFrame
 from handsight.datasets.views import station_view
-from handsight.evaluation.label_issues import LabelReview, Suspect, rank_suspects, review_folds
+from handsight.evaluation.label_issues import LabelIssue, LabelReview, rank_label_issues, review_folds
 from handsight.servoing.homography import InputGrid
 from handsight.servoing.planar import PlanarPose
 from handsight.training.cross_validation import check_folds, out_of_fold_scores
 from handsight.training.trainer import Epoch, TrainSettings
-from handsight.viz.examples import SuspectExample
-from handsight.viz.recordings.label_issues import write_suspects
+from handsight.viz.examples import LabelIssueExample
+from handsight.viz.recordings.label_issues import write_label_issues
 from handsight.viz.recordings.recording import check_recording_path
 
 VIEWPOINT: Viewpoint = "overhead"
@@ -108,7 +108,7 @@ def review_labels(dataset: GraspDataset, plan: ReviewPlan, count: int) -> tuple[
     with progress_bar("warp", len(plan.listed)) as bar:
         data = materialize(dataset, viewpoint=VIEWPOINT, grid=grid, on_attempt=bar.advance)
     scores = _scores(data, plan)
-    return data, rank_suspects(data.attempts, scores, listed=plan.listed, count=count)
+    return data, rank_label_issues(data.attempts, scores, listed=plan.listed, count=count)
 
 
 def _scores(data: GraspInputs, plan: ReviewPlan) -> NDArray[np.float32]:
@@ -124,7 +124,7 @@ def _scores(data: GraspInputs, plan: ReviewPlan) -> NDArray[np.float32]:
         return out_of_fold_scores(data, plan.fold_of_attempt, plan.settings, on_epoch=show)
 
 
-def write_review(path: Path, dataset: GraspDataset, data: GraspInputs, suspects: Sequence[Suspect]) -> None:
+def write_review(path: Path, dataset: GraspDataset, data: GraspInputs, suspects: Sequence[LabelIssue]) -> None:
     """Write the suspects as a recording, one a step."""
     positions = data.attempts.index.get_indexer(pd.Index([one.attempt for one in suspects]))
     examples = []
@@ -134,28 +134,28 @@ def write_review(path: Path, dataset: GraspDataset, data: GraspInputs, suspects:
             row, inputs = data.attempts.iloc[position], data.inputs[position]
             examples.append(_example(dataset, suspect, row, frame, inputs))
             bar.advance()
-    write_suspects(path, examples)
+    write_label_issues(path, examples)
 
 
 def _example(
-    dataset: GraspDataset, suspect: Suspect, row: pd.Series[Any], frame: RgbdFrame, inputs: NDArray[np.float16]
-) -> SuspectExample:
-    card = dataset.station(suspect.attempt)
+    dataset: GraspDataset, suspect: LabelIssue, row: pd.Series[Any], frame: RgbdFrame, inputs: NDArray[np.float16]
+) -> LabelIssueExample:
+    spec = dataset.station(suspect.attempt)
     goal = PlanarPose(x_m=row["pregrasp_x_m"], y_m=row["pregrasp_y_m"], angle_rad=row["pregrasp_angle_rad"])
     step = PlanarPose.from_pose_base_tool(frame.pose_base_tool).step_to(goal)
-    return SuspectExample(
+    return LabelIssueExample(
         suspect=suspect,
-        view=station_view(frame, card),
+        view=station_view(frame, spec),
         grasp=(step.dx_m, step.dy_m, step.dangle_rad),
         inputs=inputs,
-        jaws_m=card.gripper_stroke_m,
+        jaws_m=spec.gripper_stroke_m,
         widths_m=(row["width_before_m"], row["width_closed_m"], row["width_lifted_m"], row["width_final_m"]),
-        closed_width_m=card.closed_width_m,
+        closed_width_m=spec.closed_width_m,
         commands=commands(dataset, suspect),
     )
 
 
-def commands(dataset: GraspDataset, suspect: Suspect) -> tuple[str, str]:
+def commands(dataset: GraspDataset, suspect: LabelIssue) -> tuple[str, str]:
     """The commands that correct the label and that set the attempt aside, ready to paste into a shell."""
     place = shlex.quote(curated_place(dataset))
     reason = shlex.quote(f"doubted {suspect.label}, S {suspect.predicted_success:.2f}")

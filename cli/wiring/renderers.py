@@ -57,13 +57,13 @@ def _recorded_renderer(factory: SimStationFactory, dataset: str, seed: int) -> s
         sessions = GraspDataset.open(dataset).sessions
     except DatasetNotFoundError:
         return None
-    wanted = _but_renderer(factory.settings())
+    wanted = _without_renderer(factory.settings())
     for session in reversed(sessions):
         station = session.header.config.get("station", {})
-        if session.header.seed == seed and "renderer" in station and _but_renderer(station) == wanted:
+        if session.header.seed == seed and "renderer" in station and _without_renderer(station) == wanted:
             return str(station["renderer"])
     return None
 
 
-def _but_renderer(settings: dict[str, object]) -> str:
+def _without_renderer(settings: dict[str, object]) -> str:
     return canonical_json({name: value for name, value in settings.items() if name != "renderer"})

@@ -48,7 +48,7 @@ def station_picture(config: SimConfig, seed: int) -> NDArray[np.uint8]:
     """A settled scene with the gripper over one of its objects. Shape (H, W, 3)."""
     station = SimStation(config)
     try:
-        scene = station.prepare(np.random.default_rng(seed))
+        scene = station.reset(np.random.default_rng(seed))
     finally:
         station.close()
     x_m, y_m = scene.pose_base_object[scene.target, :2].tolist()

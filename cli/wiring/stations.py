@@ -5,26 +5,26 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from handsight.cli.errors import CommandError
-from handsight.collection.sim.config import VARIETY, SimConfig
+from handsight.collection.sim.config import RANDOMIZED, SimConfig
 from handsight.collection.sim.objects import load_object_set, objects_per_scene
 from handsight.collection.sim.station import SimStationFactory, check_object_count
 
 EVERYTHING = "all"
-"""What ``--vary`` takes for all of ``VARIETY``."""
+"""What ``--vary`` takes for all of ``RANDOMIZED``."""
 
 
-def varieties(given: Sequence[str] | None) -> tuple[str, ...]:
+def randomized(given: Sequence[str] | None) -> tuple[str, ...]:
     """What ``--vary`` asks for, each once and in one order, so that equal requests are equal configurations.
 
     Raises:
         CommandError: Something there is not.
     """
     wanted = set(given or ())
-    unknown = sorted(wanted - {*VARIETY, EVERYTHING})
+    unknown = sorted(wanted - {*RANDOMIZED, EVERYTHING})
     if unknown:
-        expected = ", ".join((*VARIETY, EVERYTHING))
+        expected = ", ".join((*RANDOMIZED, EVERYTHING))
         raise CommandError(f"vary is {', '.join(map(repr, unknown))}, expected some of: {expected}")
-    return VARIETY if EVERYTHING in wanted else tuple(kind for kind in VARIETY if kind in wanted)
+    return RANDOMIZED if EVERYTHING in wanted else tuple(kind for kind in RANDOMIZED if kind in wanted)
 
 
 def sim_station(
@@ -36,7 +36,7 @@ def sim_station(
         objects: The set.
         shakes: Shakes after the lift.
         per_scene: Objects in a scene; None for what the set asks for.
-        vary: What differs between scenes beside the objects; see ``config.VARIETY``.
+        vary: What differs between scenes beside the objects; see ``config.RANDOMIZED``.
 
     Raises:
         ObjectSetError: Unknown object set, or fewer objects in it than a scene needs.

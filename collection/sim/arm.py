@@ -32,12 +32,12 @@ BASE_ORIENTATION = (0.0, 0.0, 1.0, 0.0)
 class Arm:
     """The UR10 with its gripper in one PyBullet world; made anew for every attempt."""
 
-    def __init__(self, engine: BulletClient, urdf: Path, config: SimConfig) -> None:
+    def __init__(self, bullet: BulletClient, urdf: Path, config: SimConfig) -> None:
         """Load the arm at ``REFERENCE_RAD`` with open jaws."""
-        self._engine = engine
+        self._bullet = bullet
         self._config = config
-        self.body: int = engine.loadURDF(str(urdf), (0, 0, 0), BASE_ORIENTATION, useFixedBase=True)
-        index = {engine.getJointInfo(self.body, j)[1].decode(): j for j in range(engine.getNumJoints(self.body))}
+        self.body: int = bullet.loadURDF(str(urdf), (0, 0, 0), BASE_ORIENTATION, useFixedBase=True)
+        index = {bullet.getJointInfo(self.body, j)[1].decode(): j for j in range(bullet.getNumJoints(self.body))}
         self._joints = [index[name] for name in ARM_JOINTS]
         self._fingers = [index[name] for name in FINGER_JOINTS]
         self._flange = index["gripper_mount"]
@@ -46,10 +46,10 @@ class Arm:
 
     def _set_up_fingers(self) -> None:
         links = {
-            self._engine.getJointInfo(self.body, j)[12].decode(): j for j in range(self._engine.getNumJoints(self.body))
+            self._bullet.getJointInfo(self.body, j)[12].decode(): j for j in range(self._bullet.getNumJoints(self.body))
         }
         for name in GRIPPER_LINKS:
-            self._engine.changeDynamics(
+            self._bullet.changeDynamics(
                 self.body,
                 links[name],
                 lateralFriction=self._config.finger_friction,
@@ -57,17 +57,17 @@ class Arm:
                 frictionAnchor=self._config.sticky_contacts,
             )
         # PyBullet ignores mimic tags; a gear keeps the jaws centred as the linkage of a real gripper does.
-        gear = self._engine.createConstraint(
+        gear = self._bullet.createConstraint(
             self.body, self._fingers[0], self.body, self._fingers[1], pybullet.JOINT_GEAR, (1, 0, 0), (0,) * 3, (0,) * 3
         )
-        self._engine.changeConstraint(gear, gearRatio=-1, erp=0.1, maxForce=2 * self._config.grip_force_n)
+        self._bullet.changeConstraint(gear, gearRatio=-1, erp=0.1, maxForce=2 * self._config.grip_force_n)
         for joint in self._fingers:
-            self._engine.resetJointState(self.body, joint, 0.5 * self._config.gripper_stroke_m)
+            self._bullet.resetJointState(self.body, joint, 0.5 * self._config.gripper_stroke_m)
         self.drive_fingers(opening_m_s=0.1)
 
     def drive_fingers(self, *, opening_m_s: float) -> None:
         """Run both jaws at this speed [m/s each], limited by the grip force; negative closes."""
-        self._engine.setJointMotorControlArray(
+        self._bullet.setJointMotorControlArray(
             self.body,
             self._fingers,
             pybullet.VELOCITY_CONTROL,
@@ -81,21 +81,21 @@ class Arm:
 
         The engine's joint limits are soft, and fingers under load pass them by up to some millimetres.
         """
-        states = self._engine.getJointStates(self.body, self._fingers)
+        states = self._bullet.getJointStates(self.body, self._fingers)
         return min(max(float(states[0][0] + states[1][0]), 0.0), self._config.gripper_stroke_m)
 
     @property
     def finger_speed_m_s(self) -> float:
         """Speed of the faster jaw [m/s]."""
-        states = self._engine.getJointStates(self.body, self._fingers)
+        states = self._bullet.getJointStates(self.body, self._fingers)
         return max(abs(float(state[1])) for state in states)
 
     @property
     def pose_base_tool(self) -> NDArray[np.float64]:
         """Measured pose of the fingertips in the base frame. Shape (4, 4)."""
-        state = self._engine.getLinkState(self.body, self._flange, computeForwardKinematics=True)
+        state = self._bullet.getLinkState(self.body, self._flange, computeForwardKinematics=True)
         pose = np.eye(4)
-        pose[:3, :3] = np.reshape(self._engine.getMatrixFromQuaternion(state[5]), (3, 3))
+        pose[:3, :3] = np.reshape(self._bullet.getMatrixFromQuaternion(state[5]), (3, 3))
         pose[:3, 3] = np.asarray(state[4]) + FLANGE_TO_TIP_M * pose[:3, 2]
         return pose
 
@@ -103,14 +103,14 @@ class Arm:
     def upward_force_n(self) -> float:
         """Vertical force that the world exerts on arm and gripper [N]."""
         # Field 7 is the contact normal on the other body, pointing towards the arm; field 9 its force.
-        contacts = self._engine.getContactPoints(bodyA=self.body)
+        contacts = self._bullet.getContactPoints(bodyA=self.body)
         return float(sum(contact[7][2] * contact[9] for contact in contacts if contact[2] != self.body))
 
     def place(self, pose_base_tool: NDArray[np.float64]) -> None:
         """Put the arm at a pose at once, at rest: how an attempt begins."""
         self._target_rad = joints_for(pose_base_tool, REFERENCE_RAD)
         for joint, angle_rad in zip(self._joints, self._target_rad, strict=True):
-            self._engine.resetJointState(self.body, joint, angle_rad)
+            self._bullet.resetJointState(self.body, joint, angle_rad)
         self._command(self._target_rad, np.zeros(6))
 
     def move_joints(self, pose_base_tool: NDArray[np.float64], step: Callable[[], None], *, phase: str) -> None:
@@ -159,7 +159,7 @@ class Arm:
 
     def hold(self) -> None:
         """Stop where the arm is now."""
-        states = self._engine.getJointStates(self.body, self._joints)
+        states = self._bullet.getJointStates(self.body, self._joints)
         self._target_rad = np.array([state[0] for state in states])
         self._command(self._target_rad, np.zeros(6))
 
@@ -196,7 +196,7 @@ class Arm:
         return False
 
     def _command(self, joints_rad: NDArray[np.float64], speed_rad_s: NDArray[np.float64]) -> None:
-        self._engine.setJointMotorControlArray(
+        self._bullet.setJointMotorControlArray(
             self.body,
             self._joints,
             pybullet.POSITION_CONTROL,
@@ -208,7 +208,7 @@ class Arm:
         )
 
     def _check_arrived(self, phase: str) -> None:
-        states = self._engine.getJointStates(self.body, self._joints)
+        states = self._bullet.getJointStates(self.body, self._joints)
         error_rad = np.abs(np.array([state[0] for state in states]) - self._target_rad)
         if error_rad.max() > TRACKING_LIMIT_RAD or (np.abs(self._target_rad) > JOINT_LIMITS_RAD).any():
             worst = int(error_rad.argmax())

@@ -1,6 +1,6 @@
 """PyBullet, imported in one place and without its chatter.
 
-Its C code prints a build line to standard error when it is imported and a line to standard output for every engine,
+Its C code prints a build line to standard error when it is imported and a line to standard output for every bullet,
 which would corrupt ``--json`` output. Errors still get through: the streams are back as soon as the call is done.
 """
 

@@ -96,7 +96,7 @@ def view_matrix(pose_base_camera: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def render(
-    engine: BulletClient,
+    bullet: BulletClient,
     table: TableTop,
     camera: HandCamera,
     pose_base_tool: NDArray[np.float64],
@@ -109,7 +109,7 @@ def render(
     """Picture and aligned depth from the hand: (H, W, 3) u8 and (H, W) u16 in units of ``depth_scale_m``.
 
     Args:
-        engine: Holds the objects, and was opened for ``renderer``.
+        bullet: Holds the objects, and was opened for ``renderer``.
         table: What lies below them.
         camera: Intrinsics and mount.
         pose_base_tool: Where the hand is.
@@ -119,7 +119,7 @@ def render(
         sense: What the depth sensor makes of exact depth [m], 0 where it has no answer; None for a perfect one.
     """
     pose_base_camera = camera_pose(camera, pose_base_tool)
-    rgb, depth_m = render_objects(engine, camera.intrinsics, pose_base_camera, light=light, renderer=renderer)
+    rgb, depth_m = render_objects(bullet, camera.intrinsics, pose_base_camera, light=light, renderer=renderer)
     brightness = light.on_table / DAYLIGHT.on_table
     table_rgb, table_depth_m = table.draw(camera.intrinsics, pose_base_camera, brightness=brightness)
     nearest = depth_m < table_depth_m
@@ -132,7 +132,7 @@ def render(
 
 
 def render_objects(
-    engine: BulletClient,
+    bullet: BulletClient,
     intrinsics: Intrinsics,
     pose_base_camera: NDArray[np.float64],
     *,
@@ -142,7 +142,7 @@ def render_objects(
 ) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
     """Picture (H, W, 3) and depth (H, W) [m] of all visible bodies; where there is none the depth is infinite."""
     k = intrinsics
-    _, _, rgba, buffer, _ = engine.getCameraImage(
+    _, _, rgba, buffer, _ = bullet.getCameraImage(
         k.width,
         k.height,
         view_matrix(pose_base_camera).T.ravel().tolist(),

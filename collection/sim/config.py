@@ -22,8 +22,8 @@ D435_ON_GRIPPER = HandCamera(
 """A D435 clamped to the wrist in front of the gripper. The fingers stay out of the picture."""
 
 
-VARIETY = ("table", "light", "colour", "friction", "depth-noise")
-"""What can differ between scenes beside the objects; ``variety.py`` draws the values."""
+RANDOMIZED = ("table", "light", "colour", "friction", "depth-noise")
+"""What can differ between scenes beside the objects; ``randomization.py`` draws the values."""
 
 DROP_SPACING_M = 0.12
 """Objects are dropped at least this far apart, centre to centre."""
@@ -68,7 +68,7 @@ class SimConfig:
     """The solver ends a step's iterations early once they change less than this (squared velocities)."""
     settle_limit_s: float = 5.0
     vary: tuple[str, ...] = ()
-    """What differs between scenes beside the objects; some of ``VARIETY``."""
+    """What differs between scenes beside the objects; some of ``RANDOMIZED``."""
     renderer: str = TINY.name
     """Who draws the objects: ``tiny``, the same bytes on every machine, or ``egl``, faster with a good driver."""
 
@@ -92,9 +92,9 @@ class SimConfig:
                 f"physics runs at {self.physics_hz} Hz with {self.solver_iterations} iterations, "
                 "expected at least 60 Hz and 1 iteration"
             )
-        unknown = [kind for kind in self.vary if kind not in VARIETY]
+        unknown = [kind for kind in self.vary if kind not in RANDOMIZED]
         if unknown or len(set(self.vary)) < len(self.vary):
-            faults.append(f"vary is {', '.join(self.vary)}, expected some of {', '.join(VARIETY)}, each once")
+            faults.append(f"vary is {', '.join(self.vary)}, expected some of {', '.join(RANDOMIZED)}, each once")
         room = self.most_objects
         if self.objects_per_scene > room:
             faults.append(f"objects_per_scene is {self.objects_per_scene}, expected at most {room}: no more fit")

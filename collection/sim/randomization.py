@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handsight.collection.sim.camera import Light
-from handsight.collection.sim.config import VARIETY
+from handsight.collection.sim.config import RANDOMIZED
 from handsight.collection.sim.depth_noise import DepthNoise
 from handsight.collection.sim.table_look import TableLook
 
@@ -81,7 +81,7 @@ class Tint:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Variety:
+class Randomization:
     """The values of one attempt; None, or no tints, where a kind is off."""
 
     table: TableLook | None = None
@@ -92,10 +92,10 @@ class Variety:
     """One for each object of the scene."""
 
     @classmethod
-    def draw(cls, kinds: Iterable[str], objects: int, rng: np.random.Generator) -> Variety:
+    def draw(cls, kinds: Iterable[str], objects: int, rng: np.random.Generator) -> Randomization:
         """Draw what ``kinds`` names for a scene of so many objects."""
         # One stream for each kind there is, on or off, and all of them drawn before any is used.
-        streams = dict(zip(VARIETY, rng.spawn(len(VARIETY)), strict=True))
+        streams = dict(zip(RANDOMIZED, rng.spawn(len(RANDOMIZED)), strict=True))
         on = set(kinds)
         return cls(
             table=TableLook.draw(streams["table"]) if "table" in on else None,
@@ -121,10 +121,10 @@ _PARTS: dict[str, type[TableLook | LampPlace | Tint | Friction | DepthNoise]] = 
 
 
 def condition_names(kinds: Iterable[str], objects: int) -> tuple[str, ...]:
-    """What the values of :meth:`Variety.values` are called, such as ``light_ambient`` or ``colour_red_0``."""
+    """What the values of :meth:`Randomization.values` are called, such as ``light_ambient`` or ``colour_red_0``."""
     on = set(kinds)
     names = []
-    for kind in VARIETY:
+    for kind in RANDOMIZED:
         if kind in on:
             ends = [f"_{index}" for index in range(objects)] if kind == "colour" else [""]
             prefix = kind.replace("-", "_")

@@ -4,7 +4,7 @@ TinyRenderer draws the same bytes on every machine. OpenGL is faster where it is
 driver, so a session records which of the two made its pictures (``SimConfig.renderer``).
 
 The plugin takes its process down when EGL cannot be started, and never lets go of a texture until its engine ends. The
-first is why a process of its own tries it, the second why :class:`EmptyEngines` replaces engines now and then. It also
+first is why a process of its own tries it, the second why :class:`EmptyClients` replaces clients now and then. It also
 takes a mesh that is loaded at a second scale for the first: no object set does that.
 """
 
@@ -27,13 +27,13 @@ EGL_ENTRY_POINT = "_eglRendererPlugin"
 TRIAL = """
 import sys
 import pybullet
-engine = pybullet.connect(pybullet.DIRECT)
-sys.exit(0 if pybullet.loadPlugin(*sys.argv[1:], physicsClientId=engine) >= 0 else 3)
+bullet = pybullet.connect(pybullet.DIRECT)
+sys.exit(0 if pybullet.loadPlugin(*sys.argv[1:], physicsClientId=bullet) >= 0 else 3)
 """
 TRIAL_LIMIT_S = 60.0
 """A driver that has not answered by then never will."""
-TALKATIVE_PICTURES = 2
-"""So many pictures of an engine name the driver on standard output."""
+WARM_UP_FRAMES = 2
+"""So many pictures of an Bullet client name the driver on standard output."""
 IDENTITY = (1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 
 
@@ -52,8 +52,8 @@ class Renderer:
     """Width and height of the largest picture; None without a limit."""
     coloured_light: bool = True
     """Whether ambient and diffuse light can be chosen, or the direction alone."""
-    attempts_per_engine: int | None = None
-    """How many worlds an engine may hold one after the other; None without a limit."""
+    attempts_per_client: int | None = None
+    """How many worlds an Bullet client may hold one after the other; None without a limit."""
     lamp_m: float | None = None
     """Distance at which the lamp is put; None where only its direction is asked for."""
 
@@ -76,7 +76,7 @@ EGL = Renderer(
     largest_px=(1024, 768),
     coloured_light=False,
     # Five household objects leave 0.45 MB of textures behind; a new engine takes 0.25 s.
-    attempts_per_engine=128,
+    attempts_per_client=128,
     # The plugin always casts shadows, within some hundred metres of the lamp.
     lamp_m=1000.0,
 )
@@ -131,25 +131,25 @@ def _egl_plugin() -> str | None:
     return spec.origin if spec else None
 
 
-def open_engine(renderer: Renderer) -> BulletClient:
+def open_client(renderer: Renderer) -> BulletClient:
     """A headless engine of its own whose pictures ``renderer`` draws.
 
     Raises:
         RendererUnavailableError: this machine cannot draw with it.
     """
     check_available(renderer)
-    engine = connect()
+    bullet = connect()
     if renderer.needs_egl:
         # Mesa would draw on every core, and the workers of a session would only wait for each other.
         os.environ.setdefault("LP_NUM_THREADS", "0")
         with quiet():
-            engine.loadPlugin(_egl_plugin(), EGL_ENTRY_POINT)
-            for _ in range(TALKATIVE_PICTURES):
-                engine.getCameraImage(16, 16, IDENTITY, IDENTITY, renderer=renderer.flag)
-    return engine
+            bullet.loadPlugin(_egl_plugin(), EGL_ENTRY_POINT)
+            for _ in range(WARM_UP_FRAMES):
+                bullet.getCameraImage(16, 16, IDENTITY, IDENTITY, renderer=renderer.flag)
+    return bullet
 
 
-class EmptyEngines:
+class EmptyClients:
     """One engine after the other, each as empty as the first."""
 
     def __init__(self, renderer: Renderer) -> None:
@@ -162,25 +162,25 @@ class EmptyEngines:
         self._start()
 
     def _start(self) -> None:
-        self._engine = open_engine(self._renderer)
+        self._bullet = open_client(self._renderer)
         # The plugin takes its leave on standard output, even when the interpreter ends with the engine still running.
-        self._stop = weakref.finalize(self, _stop_quietly, self._engine)
+        self._stop = weakref.finalize(self, _stop_quietly, self._bullet)
         self._used = 0
 
     def empty(self) -> BulletClient:
-        """An engine without bodies; the one given out before must not be used any more."""
-        if self._used == self._renderer.attempts_per_engine:
+        """An Bullet client without bodies; the one given out before must not be used any more."""
+        if self._used == self._renderer.attempts_per_client:
             self.close()
             self._start()
         self._used += 1
-        self._engine.resetSimulation()
-        return self._engine
+        self._bullet.resetSimulation()
+        return self._bullet
 
     def close(self) -> None:
-        """Stop the engine."""
+        """Stop the bullet."""
         self._stop()
 
 
-def _stop_quietly(engine: BulletClient) -> None:
+def _stop_quietly(bullet: BulletClient) -> None:
     with quiet():
-        engine.disconnect()
+        bullet.disconnect()

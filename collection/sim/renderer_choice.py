@@ -17,7 +17,7 @@ from handsight.collection.errors import StationSettingsError
 from handsight.collection.sim.camera import camera_pose, render_objects
 from handsight.collection.sim.config import SimConfig
 from handsight.collection.sim.objects import ObjectModel, load_object_set
-from handsight.collection.sim.renderer import EGL, TINY, EmptyEngines, Renderer, check_available
+from handsight.collection.sim.renderer import EGL, TINY, EmptyClients, Renderer, check_available
 from handsight.servoing.planar import PlanarPose
 
 GAIN = 0.9
@@ -64,7 +64,7 @@ def choose_renderer(config: SimConfig) -> RendererChoice:
 def _time(config: SimConfig) -> tuple[float, float]:
     """Median times of TinyRenderer and EGL for one scene [s], taken in turns."""
     models = load_object_set(config.objects)[: config.objects_per_scene]
-    tiny, egl = EmptyEngines(TINY), EmptyEngines(EGL)
+    tiny, egl = EmptyClients(TINY), EmptyClients(EGL)
     try:
         rounds = [(_draw(tiny, TINY, models, config), _draw(egl, EGL, models, config)) for _ in range(ROUNDS)]
     finally:
@@ -75,7 +75,7 @@ def _time(config: SimConfig) -> tuple[float, float]:
     return tiny_s, egl_s
 
 
-def _draw(engines: EmptyEngines, renderer: Renderer, models: tuple[ObjectModel, ...], config: SimConfig) -> float:
+def _draw(clients: EmptyClients, renderer: Renderer, models: tuple[ObjectModel, ...], config: SimConfig) -> float:
     """Load and draw one scene, and return the processor time it took [s]."""
     area = config.workspace
     x_m = np.linspace(area.x_min_m, area.x_max_m, len(models)).tolist()
@@ -83,8 +83,8 @@ def _draw(engines: EmptyEngines, renderer: Renderer, models: tuple[ObjectModel, 
     overhead = PlanarPose(x_m=0.5 * (area.x_min_m + area.x_max_m), y_m=y_m, angle_rad=0.0)
     pose_base_camera = camera_pose(config.camera, overhead.pose_base_tool(config.overhead_height_m))
     started = time.process_time()
-    engine = engines.empty()
+    bullet = clients.empty()
     for model, x in zip(models, x_m, strict=True):
-        engine.loadURDF(str(model.urdf), (x, y_m, LYING_M), globalScaling=model.scale)
-    render_objects(engine, config.camera.intrinsics, pose_base_camera, renderer=renderer)
+        bullet.loadURDF(str(model.urdf), (x, y_m, LYING_M), globalScaling=model.scale)
+    render_objects(bullet, config.camera.intrinsics, pose_base_camera, renderer=renderer)
     return time.process_time() - started

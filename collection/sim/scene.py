@@ -11,7 +11,7 @@ from handsight.collection.errors import PhaseAbortedError
 from handsight.collection.sim.bullet import BulletClient, pybullet
 from handsight.collection.sim.config import DROP_SPACING_M, SimConfig
 from handsight.collection.sim.objects import ObjectModel
-from handsight.collection.sim.randomization import Tint, Variety
+from handsight.collection.sim.randomization import Randomization, Tint
 
 PLACEMENT_TRIES = 20
 """Places tried in one layer before an object is dropped from the next layer above."""
@@ -23,33 +23,33 @@ CHECK_EVERY_TICKS = 12
 class Scene:
     """The objects of one attempt."""
 
-    def __init__(self, engine: BulletClient, config: SimConfig) -> None:
+    def __init__(self, bullet: BulletClient, config: SimConfig) -> None:
         """An empty scene in ``engine``."""
-        self._engine = engine
+        self._bullet = bullet
         self._config = config
         self.bodies: list[int] = []
 
-    def drop(self, models: list[ObjectModel], rng: np.random.Generator, variety: Variety) -> None:
+    def drop(self, models: list[ObjectModel], rng: np.random.Generator, randomization: Randomization) -> None:
         """Load ``models`` above the table, each in a random pose inside the workspace."""
         for model, position in zip(models, self._positions(len(models), rng), strict=True):
-            body = self._engine.loadURDF(
+            body = self._bullet.loadURDF(
                 str(model.urdf), position.tolist(), _random_rotation(rng), globalScaling=model.scale
             )
             # Stock blocks roll for seconds: a little rolling friction and damping, as real things have, ends it.
-            self._engine.changeDynamics(
+            self._bullet.changeDynamics(
                 body, -1, linearDamping=0.1, angularDamping=0.3, rollingFriction=1e-3, spinningFriction=1e-3
             )
-            if variety.friction is not None:
-                self._engine.changeDynamics(body, -1, lateralFriction=variety.friction.objects)
+            if randomization.friction is not None:
+                self._bullet.changeDynamics(body, -1, lateralFriction=randomization.friction.objects)
             self.bodies.append(body)
-        for body, tint in zip(self.bodies, variety.tints, strict=False):
+        for body, tint in zip(self.bodies, randomization.tints, strict=False):
             self._paint(body, tint)
 
     def _paint(self, body: int, tint: Tint) -> None:
-        for shape in self._engine.getVisualShapeData(body):
+        for shape in self._bullet.getVisualShapeData(body):
             link, (red, green, blue, alpha) = shape[1], shape[7]
             colour = (red * tint.red, green * tint.green, blue * tint.blue, alpha)
-            self._engine.changeVisualShape(body, link, rgbaColor=colour)
+            self._bullet.changeVisualShape(body, link, rgbaColor=colour)
 
     def _positions(self, count: int, rng: np.random.Generator) -> list[NDArray[np.float64]]:
         placed: list[NDArray[np.float64]] = []
@@ -73,7 +73,7 @@ class Scene:
         """
         limit = round(self._config.settle_limit_s * self._config.physics_hz)
         for tick in range(1, limit + 1):
-            self._engine.stepSimulation()
+            self._bullet.stepSimulation()
             if tick % CHECK_EVERY_TICKS == 0 and all(map(self._rests, self.bodies)):
                 break
         else:
@@ -86,15 +86,15 @@ class Scene:
         sleeping = pybullet.ACTIVATION_STATE_ENABLE_SLEEPING | pybullet.ACTIVATION_STATE_SLEEP
         for body in self.bodies:
             if self._rests(body):
-                self._engine.changeDynamics(body, -1, activationState=sleeping)
+                self._bullet.changeDynamics(body, -1, activationState=sleeping)
 
     def _rests(self, body: int) -> bool:
-        linear, angular = self._engine.getBaseVelocity(body)
+        linear, angular = self._bullet.getBaseVelocity(body)
         return math.hypot(*linear) <= RESTING_SPEED_M_S and math.hypot(*angular) <= RESTING_SPIN_RAD_S
 
     def poses(self) -> NDArray[np.float64]:
         """Position and quaternion of every object, x y z qx qy qz qw. Shape (M, 7)."""
-        states = [self._engine.getBasePositionAndOrientation(body) for body in self.bodies]
+        states = [self._bullet.getBasePositionAndOrientation(body) for body in self.bodies]
         return np.array([(*position, *orientation) for position, orientation in states])
 
 

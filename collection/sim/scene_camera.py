@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from handsight.collection.errors import StationSettingsError
 from handsight.collection.sim.camera import Light, render_objects
 from handsight.collection.sim.config import SimConfig
-from handsight.collection.sim.static_replica import Diorama
+from handsight.collection.sim.static_replica import StaticReplica
 from handsight.collection.sim.table import TABLE_CENTRE_M, TABLE_HALF_SIZE_M, TableTop, plane_depth_m, table_homography
 from handsight.datasets.records import SceneObjects
 from handsight.servoing.camera import Intrinsics
@@ -67,7 +67,7 @@ class Viewpoint:
 
 
 class SceneCamera:
-    """Takes pictures of a diorama; the engine of the attempt is not involved."""
+    """Takes pictures of a replica; the engine of the attempt is not involved."""
 
     def __init__(self, config: SimConfig, table: TableTop, viewpoint: Viewpoint | None = None) -> None:
         """Load arm and table with their visual meshes, which takes half a second.
@@ -77,7 +77,7 @@ class SceneCamera:
         """
         self._viewpoint = viewpoint or Viewpoint()
         self._table = table
-        self._diorama = Diorama(config)
+        self._replica = StaticReplica(config)
 
     def picture(self, pose_base_tool: NDArray[np.float64], width_m: float, scene: SceneObjects) -> NDArray[np.uint8]:
         """The station from outside. Shape (H, W, 3).
@@ -90,7 +90,7 @@ class SceneCamera:
         Raises:
             UnreachableError: the arm cannot stand like this.
         """
-        self._diorama.arrange(pose_base_tool, width_m, scene)
+        self._replica.arrange(pose_base_tool, width_m, scene)
         view = self._viewpoint
         fine = Intrinsics.from_vertical_fov(
             width=SAMPLES * view.width, height=SAMPLES * view.height, fov_y_rad=view.fov_y_rad
@@ -103,7 +103,7 @@ class SceneCamera:
         x, y, z = (-lamp[:3, 2]).tolist()
         light = Light(direction=(x, y, z))
         bodies_rgb, bodies_m = render_objects(
-            self._diorama.engine, intrinsics, pose_base_camera, light=light, far_m=FAR_M
+            self._replica.bullet, intrinsics, pose_base_camera, light=light, far_m=FAR_M
         )
         table_rgb, _ = self._table.draw(intrinsics, pose_base_camera)
         lit = 1.0 - SHADOW_DEPTH * self._shadow(intrinsics, pose_base_camera)
@@ -114,7 +114,7 @@ class SceneCamera:
     def _shadow(self, intrinsics: Intrinsics, pose_base_camera: NDArray[np.float64]) -> NDArray[np.float32]:
         """Share of the lamp that something keeps from the table, at every pixel. Shape (H, W)."""
         pose_base_lamp = pose_looking_at(LAMP_M, LAMP_TARGET_M)
-        _, depth_m = render_objects(self._diorama.engine, LAMP_PICTURE, pose_base_lamp, far_m=FAR_M)
+        _, depth_m = render_objects(self._replica.bullet, LAMP_PICTURE, pose_base_lamp, far_m=FAR_M)
         mask = (depth_m < plane_depth_m(LAMP_PICTURE, pose_base_lamp)).astype(np.float32)
         soft = cv2.GaussianBlur(mask, (SHADOW_BLUR_PX, SHADOW_BLUR_PX), 0)
         lamp_from_pixel = table_homography(LAMP_PICTURE, pose_base_lamp) @ np.linalg.inv(
@@ -127,8 +127,8 @@ class SceneCamera:
         )
 
     def close(self) -> None:
-        """Let go of the diorama."""
-        self._diorama.close()
+        """Let go of the replica."""
+        self._replica.close()
 
 
 def pose_looking_at(eye_m: tuple[float, float, float], target_m: tuple[float, float, float]) -> NDArray[np.float64]:

@@ -30,8 +30,8 @@ CAMERA_HALF_SIZE_M = (0.045, 0.0125, 0.0125)
 """Half the D435's housing, along the axes of the camera frame (datasheet: 90 x 25 x 25 mm)."""
 
 
-class Diorama:
-    """Arm, gripper, hand camera, table and objects in an engine of their own, with all their visual meshes."""
+class StaticReplica:
+    """Arm, gripper, hand camera, table and objects in an Bullet client of their own, with all their visual meshes."""
 
     def __init__(self, config: SimConfig) -> None:
         """Load everything but the objects; the arm's meshes take half a second.
@@ -41,7 +41,7 @@ class Diorama:
         """
         self._config = config
         self._models = load_object_set(config.objects)
-        self.engine: BulletClient = connect()
+        self.bullet: BulletClient = connect()
         self._load_arm()
         self._camera = self._add_box(CAMERA_HALF_SIZE_M, CAMERA_RGBA)
         self._add_board()
@@ -51,25 +51,25 @@ class Diorama:
     def _load_arm(self) -> None:
         folder, urdf = temporary_arm_urdf(with_visuals=True)
         with folder:
-            self._arm: int = self.engine.loadURDF(str(urdf), (0, 0, 0), BASE_ORIENTATION, useFixedBase=True)
-        joints = range(self.engine.getNumJoints(self._arm))
-        index = {self.engine.getJointInfo(self._arm, joint)[1].decode(): joint for joint in joints}
+            self._arm: int = self.bullet.loadURDF(str(urdf), (0, 0, 0), BASE_ORIENTATION, useFixedBase=True)
+        joints = range(self.bullet.getNumJoints(self._arm))
+        index = {self.bullet.getJointInfo(self._arm, joint)[1].decode(): joint for joint in joints}
         self._joints = [index[name] for name in ARM_JOINTS]
         self._fingers = [index[name] for name in FINGER_JOINTS]
-        for shape in self.engine.getVisualShapeData(self._arm):
+        for shape in self.bullet.getVisualShapeData(self._arm):
             if shape[2] == pybullet.GEOM_MESH:
-                self.engine.changeVisualShape(self._arm, shape[1], rgbaColor=ARM_RGBA)
+                self.bullet.changeVisualShape(self._arm, shape[1], rgbaColor=ARM_RGBA)
 
     def _add_board(self) -> None:
         half_size = (TABLE_HALF_SIZE_M, TABLE_HALF_SIZE_M, 0.5 * TABLE_BOARD_M)
         red, green, blue = (EDGE_SHADE * colour / 255 for colour in WOOD_RGB)
         board = self._add_box(half_size, (red, green, blue, 1.0))
         centre = (*TABLE_CENTRE_M, -BELOW_TOP_M - 0.5 * TABLE_BOARD_M)
-        self.engine.resetBasePositionAndOrientation(board, centre, (0, 0, 0, 1))
+        self.bullet.resetBasePositionAndOrientation(board, centre, (0, 0, 0, 1))
 
     def _add_box(self, half_size_m: tuple[float, float, float], rgba: tuple[float, float, float, float]) -> int:
-        shape = self.engine.createVisualShape(pybullet.GEOM_BOX, halfExtents=half_size_m, rgbaColor=rgba)
-        body: int = self.engine.createMultiBody(0, -1, shape)
+        shape = self.bullet.createVisualShape(pybullet.GEOM_BOX, halfExtents=half_size_m, rgbaColor=rgba)
+        body: int = self.bullet.createMultiBody(0, -1, shape)
         return body
 
     def arrange(self, pose_base_tool: NDArray[np.float64], width_m: float, scene: SceneObjects) -> None:
@@ -89,12 +89,12 @@ class Diorama:
     def _place_arm(self, pose_base_tool: NDArray[np.float64], width_m: float) -> None:
         angles_rad = joints_for(pose_base_tool, REFERENCE_RAD, phase="picture")
         for joint, angle_rad in zip(self._joints, angles_rad.tolist(), strict=True):
-            self.engine.resetJointState(self._arm, joint, angle_rad)
+            self.bullet.resetJointState(self._arm, joint, angle_rad)
         for joint in self._fingers:
-            self.engine.resetJointState(self._arm, joint, 0.5 * width_m)
+            self.bullet.resetJointState(self._arm, joint, 0.5 * width_m)
         pose_base_camera = camera_pose(self._config.camera, pose_base_tool)
         housing_m = pose_base_camera[:3, 3] - CAMERA_HALF_SIZE_M[2] * pose_base_camera[:3, 2]
-        self.engine.resetBasePositionAndOrientation(
+        self.bullet.resetBasePositionAndOrientation(
             self._camera, housing_m.tolist(), _quaternion(pose_base_camera[:3, :3])
         )
 
@@ -102,16 +102,16 @@ class Diorama:
         wanted = scene.catalogue_index.tolist()
         if wanted != self._catalogue_index:
             for body in self._bodies:
-                self.engine.removeBody(body)
+                self.bullet.removeBody(body)
             models = [self._models[index] for index in wanted]
-            self._bodies = [self.engine.loadURDF(str(model.urdf), globalScaling=model.scale) for model in models]
+            self._bodies = [self.bullet.loadURDF(str(model.urdf), globalScaling=model.scale) for model in models]
             self._catalogue_index = wanted
         for body, pose in zip(self._bodies, scene.pose_base_object.tolist(), strict=True):
-            self.engine.resetBasePositionAndOrientation(body, pose[:3], pose[3:])
+            self.bullet.resetBasePositionAndOrientation(body, pose[:3], pose[3:])
 
     def close(self) -> None:
-        """Stop the engine."""
-        self.engine.disconnect()
+        """Stop the bullet."""
+        self.bullet.disconnect()
 
 
 def _quaternion(rotation: NDArray[np.float64]) -> list[float]:

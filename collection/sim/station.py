@@ -1,6 +1,6 @@
 """The simulated station: UR10, parallel gripper, hand camera and a table in PyBullet.
 
-Every attempt starts from an empty engine, so an attempt depends on its random generator alone and not on what the
+Every attempt starts from an empty bullet, so an attempt depends on its random generator alone and not on what the
 worker did before: this is what makes attempts re-simulable bit for bit. Reloading the arm costs 6 ms.
 """
 
@@ -19,12 +19,12 @@ from handsight.collection.sim.arm_model import temporary_arm_urdf
 from handsight.collection.sim.camera import DAYLIGHT, render
 from handsight.collection.sim.config import SimConfig
 from handsight.collection.sim.objects import ObjectModel, load_object_set
-from handsight.collection.sim.randomization import Variety, condition_names
-from handsight.collection.sim.renderer import EmptyEngines, renderer_named
+from handsight.collection.sim.randomization import Randomization, condition_names
+from handsight.collection.sim.renderer import EmptyClients, renderer_named
 from handsight.collection.sim.scene import Scene
 from handsight.collection.sim.table import TABLE_FRICTION, add_table, wooden_table
 from handsight.collection.station import Descent, Workspace
-from handsight.datasets.records import RgbdFrame, SceneObjects, StationCard
+from handsight.datasets.records import RgbdFrame, SceneObjects, StationSpec
 from handsight.servoing.planar import PlanarPose
 
 CLOSE_SPEED_M_S = 0.1
@@ -45,9 +45,9 @@ class SimStationFactory:
     config: SimConfig
 
     @property
-    def card(self) -> StationCard:
+    def spec(self) -> StationSpec:
         """The card of every station it opens."""
-        return StationCard(
+        return StationSpec(
             source="sim",
             camera=self.config.camera,
             depth_scale_m=self.config.depth_scale_m,
@@ -68,7 +68,7 @@ class SimStationFactory:
         return asdict(self.config)
 
     def __call__(self) -> SimStation:
-        """Start an engine."""
+        """Start an bullet."""
         return SimStation(self.config)
 
 
@@ -89,7 +89,7 @@ class SimStation:
     """A :class:`~handsight.collection.station.Station` in simulation."""
 
     def __init__(self, config: SimConfig) -> None:
-        """Start an engine of its own.
+        """Start an Bullet client of its own.
 
         Raises:
             ObjectSetError: unknown object set, or fewer objects in it than a scene needs.
@@ -98,17 +98,17 @@ class SimStation:
         self._config = config
         self._models = load_object_set(config.objects)
         check_object_count(self._models, config)
-        self._card = SimStationFactory(config=config).card
+        self._spec = SimStationFactory(config=config).spec
         self._renderer = renderer_named(config.renderer)
-        self._engines = EmptyEngines(self._renderer)
+        self._clients = EmptyClients(self._renderer)
         self._folder, self._arm_urdf = temporary_arm_urdf()
         self._wooden_table = self._table = wooden_table(np.random.default_rng(TABLE_SEED))
         self._ticks = 0
 
     @property
-    def card(self) -> StationCard:
+    def spec(self) -> StationSpec:
         """What stays fixed during a session."""
-        return self._card
+        return self._spec
 
     @property
     def workspace(self) -> Workspace:
@@ -125,12 +125,12 @@ class SimStation:
         """Opening between the jaws now [m]."""
         return self._arm.width_m
 
-    def prepare(self, rng: np.random.Generator) -> SceneObjects:
+    def reset(self, rng: np.random.Generator) -> SceneObjects:
         """Drop new objects and let them come to rest; the arm stands at the overhead pose."""
-        self._variety = Variety.draw(self._config.vary, self._config.objects_per_scene, rng.spawn(1)[0])
-        self._reset_engine()
+        self._randomization = Randomization.draw(self._config.vary, self._config.objects_per_scene, rng.spawn(1)[0])
+        self._reset_bullet()
         chosen = rng.choice(len(self._models), size=self._config.objects_per_scene, replace=False)
-        self._scene.drop([self._models[index] for index in chosen], rng, self._variety)
+        self._scene.drop([self._models[index] for index in chosen], rng, self._randomization)
         self._ticks += self._scene.settle()
         poses = self._scene.poses()
         target = self._choose_target(poses, rng)
@@ -140,26 +140,26 @@ class SimStation:
             catalogue_index=chosen.astype(np.int16),
             pose_base_object=poses,
             target=target,
-            conditions=self._variety.values(),
+            conditions=self._randomization.values(),
         )
 
-    def _reset_engine(self) -> None:
-        engine = self._engine = self._engines.empty()
-        engine.setGravity(0, 0, -9.81)
-        engine.setPhysicsEngineParameter(
+    def _reset_bullet(self) -> None:
+        bullet = self._bullet = self._clients.empty()
+        bullet.setGravity(0, 0, -9.81)
+        bullet.setPhysicsEngineParameter(
             fixedTimeStep=1 / self._config.physics_hz,
             numSolverIterations=self._config.solver_iterations,
             solverResidualThreshold=self._config.solver_residual,
             deterministicOverlappingPairs=1,
         )
         self._ticks = self._looks = 0
-        friction = self._variety.friction
-        add_table(engine, friction=TABLE_FRICTION if friction is None else friction.table)
-        self._table = self._wooden_table if self._variety.table is None else self._variety.table.table_top()
-        self._scene = Scene(engine, self._config)
+        friction = self._randomization.friction
+        add_table(bullet, friction=TABLE_FRICTION if friction is None else friction.table)
+        self._table = self._wooden_table if self._randomization.table is None else self._randomization.table.table_top()
+        self._scene = Scene(bullet, self._config)
 
     def _add_arm(self) -> None:
-        self._arm = Arm(self._engine, self._arm_urdf, self._config)
+        self._arm = Arm(self._bullet, self._arm_urdf, self._config)
         overhead = PlanarPose(x_m=self._centre[0], y_m=self._centre[1], angle_rad=0.0)
         self._arm.place(overhead.pose_base_tool(self._config.overhead_height_m))
 
@@ -182,14 +182,14 @@ class SimStation:
     def look(self) -> RgbdFrame:
         """Render the hand camera."""
         pose_base_tool = self._arm.pose_base_tool
-        noise = self._variety.depth_noise
+        noise = self._randomization.depth_noise
         rgb, depth = render(
-            self._engine,
+            self._bullet,
             self._table,
             self._config.camera,
             pose_base_tool,
             depth_scale_m=self._config.depth_scale_m,
-            light=DAYLIGHT if self._variety.light is None else self._variety.light.light(),
+            light=DAYLIGHT if self._randomization.light is None else self._randomization.light.light(),
             renderer=self._renderer,
             sense=None if noise is None else partial(noise.measured, look=self._looks),
         )
@@ -250,10 +250,10 @@ class SimStation:
         return bool((self._scene.poses()[:, 2] > HELD_HEIGHT_M).any())
 
     def _step(self) -> None:
-        self._engine.stepSimulation()
+        self._bullet.stepSimulation()
         self._ticks += 1
 
     def close(self) -> None:
         """Stop the engine and delete its temporary files."""
-        self._engines.close()
+        self._clients.close()
         self._folder.cleanup()

@@ -24,14 +24,14 @@ TEXTURE_PX = 1024
 WOOD_RGB = (176.0, 137.0, 96.0)
 
 
-def add_table(engine: BulletClient, *, friction: float = TABLE_FRICTION) -> int:
-    """Add the table to an engine, for contact only, and return its body."""
+def add_table(bullet: BulletClient, *, friction: float = TABLE_FRICTION) -> int:
+    """Add the table to an bullet, for contact only, and return its body."""
     half_size = (TABLE_HALF_SIZE_M, TABLE_HALF_SIZE_M, 0.5 * TABLE_THICKNESS_M)
-    solid = engine.createCollisionShape(pybullet.GEOM_BOX, halfExtents=half_size)
-    # Without a visual shape of its own PyBullet would draw the collision shape; a speck inside the table is unseen.
-    speck = engine.createVisualShape(pybullet.GEOM_SPHERE, radius=1e-4)
-    body: int = engine.createMultiBody(0, solid, speck, (*TABLE_CENTRE_M, -0.5 * TABLE_THICKNESS_M))
-    engine.changeDynamics(body, -1, lateralFriction=friction)
+    solid = bullet.createCollisionShape(pybullet.GEOM_BOX, halfExtents=half_size)
+    # Without a visual shape of its own PyBullet would draw the collision shape; a dummy inside the table is unseen.
+    dummy = bullet.createVisualShape(pybullet.GEOM_SPHERE, radius=1e-4)
+    body: int = bullet.createMultiBody(0, solid, dummy, (*TABLE_CENTRE_M, -0.5 * TABLE_THICKNESS_M))
+    bullet.changeDynamics(body, -1, lateralFriction=friction)
     return body
 
 

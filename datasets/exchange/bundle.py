@@ -92,7 +92,7 @@ def decisions_from_json(text: str, where: object) -> tuple[Decision, ...]:
         InterchangeError: The text is something else.
     """
     try:
-        return tuple(_decision(number, card) for number, card in enumerate(json.loads(text)))
+        return tuple(_decision(number, entry) for number, entry in enumerate(json.loads(text)))
     except (KeyError, TypeError, ValueError, AttributeError, DatasetError) as error:
         raise InterchangeError(
             f"the decisions in {where} cannot be read ({type(error).__name__}: {error}), "
@@ -100,18 +100,18 @@ def decisions_from_json(text: str, where: object) -> tuple[Decision, ...]:
         ) from error
 
 
-def _decision(number: int, card: dict[str, Any]) -> Decision:
-    for attempt in card["attempts"]:
+def _decision(number: int, entry: dict[str, Any]) -> Decision:
+    for attempt in entry["attempts"]:
         parse_attempt_id(attempt)
-    value = card["value"]
+    value = entry["value"]
     if value is not None and not isinstance(value, int):
         raise ValueError(f"value is {value!r}")
     return Decision(
         number=number,
-        action=Action[card["action"].upper()],
+        action=Action[entry["action"].upper()],
         value=value,
-        reason=str(card["reason"]),
-        author=str(card["author"]),
-        decided=datetime.fromisoformat(card["decided"]),
-        attempts=tuple(card["attempts"]),
+        reason=str(entry["reason"]),
+        author=str(entry["author"]),
+        decided=datetime.fromisoformat(entry["decided"]),
+        attempts=tuple(entry["attempts"]),
     )

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from handsight.datasets.address import DEFAULT_REF, Place, S3Prefix, place_of
+from handsight.datasets.address import DEFAULT_REF, Location, S3Prefix, location_of
 from handsight.datasets.errors import InterchangeError
 from handsight.datasets.exchange.formats import format_named, format_of
 from handsight.datasets.exchange.transfer import TransferReport, transfer
@@ -34,7 +34,7 @@ def export_dataset(
 
     Args:
         dataset: The version.
-        target: File or folder to make. It is whole or absent: it is written beside its place and renamed.
+        target: File or folder to make. It is whole or absent: it is written beside its location and renamed.
         format: Name of the format, see ``FORMATS``.
         on_attempt: Called for every attempt written.
 
@@ -51,7 +51,7 @@ def export_dataset(
 
 def import_dataset(
     source: str | Path,
-    target: str | Place,
+    target: str | Location,
     *,
     format: str | None = None,
     branch: str = DEFAULT_REF,
@@ -75,10 +75,10 @@ def import_dataset(
     Raises:
         InterchangeError: The source is in no known format or is malformed.
     """
-    path, place = Path(source), place_of(target)
+    path, location = Path(source), location_of(target)
     chosen = format_of(path) if format is None else format_named(format)
     message = f"import {path.name} ({chosen.name})"
-    with chosen.open(path) as bundle, _destination(place, dry_run=dry_run) as repository:
+    with chosen.open(path) as bundle, _destination(location, dry_run=dry_run) as repository:
         report = transfer(
             repository,
             bundle.sessions,
@@ -89,7 +89,7 @@ def import_dataset(
             dry_run=dry_run,
             on_attempt=on_attempt,
         )
-        created = repository.path != place
+        created = repository.path != location
     return ImportReport(format=chosen.name, created=created and not dry_run, transfer=report)
 
 
@@ -111,8 +111,8 @@ def whole_or_absent(target: Path) -> Iterator[Path]:
 
 
 @contextmanager
-def _destination(path: Place, *, dry_run: bool) -> Iterator[GraspRepository]:
-    """The dataset at a place; a new folder appears there only once the block has succeeded."""
+def _destination(path: Location, *, dry_run: bool) -> Iterator[GraspRepository]:
+    """The dataset at a location; a new folder appears there only once the block has succeeded."""
     if isinstance(path, S3Prefix):
         yield GraspRepository.open(path)
         return

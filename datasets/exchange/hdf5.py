@@ -44,7 +44,7 @@ from handsight.datasets.exchange.bundle import (
 from handsight.datasets.exchange.sources import SessionSource, checked_source, stored_sources
 from handsight.datasets.format.arrays import array_at, group_at, read_rows
 from handsight.datasets.format.rows import frame_of, from_row
-from handsight.datasets.format.schema import COLUMNS, SESSIONS, VIEWPOINTS, Viewpoint, attempt_id, slots_of
+from handsight.datasets.format.schema import COLUMNS, SESSIONS, VIEWPOINTS, Viewpoint, attempt_id, column_widths
 from handsight.datasets.format.upgrades import columns_of, current_attributes, empty_columns
 from handsight.datasets.reading.reader import GraspDataset
 from handsight.datasets.records import GraspAttempt, RgbdFrame, SessionHeader
@@ -145,12 +145,12 @@ def _source(file: h5py.File, ulid: str, path: Path, schema: int) -> SessionSourc
         # Before any column is read: a few bytes suffice to claim any number of rows.
         raise InterchangeError(f"{path}: session {ulid} claims {size} attempts, and the file has {demos} demos")
     source = checked_source(ulid, attributes, size=size, attempts=lambda: iter(()))
-    slots = slots_of(source.header)
+    widths = column_widths(source.header)
     columns = {
-        column.name: _array(group, f"columns/{column.name}", column.dtype, (size, *column.shape(slots)), path)
+        column.name: _array(group, f"columns/{column.name}", column.dtype, (size, *column.shape(widths)), path)
         for column in columns_of(schema)
     }
-    columns |= empty_columns(schema, size, slots)
+    columns |= empty_columns(schema, size, widths)
     return checked_source(
         ulid,
         attributes,

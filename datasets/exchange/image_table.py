@@ -2,7 +2,7 @@
 
 ::
 
-    FOLDER/station.json      the instruments: a station card, see ``header.station_to_json``
+    FOLDER/station.json      the instruments: a station spec, see ``header.station_to_json``
     FOLDER/attempts.csv      one line for each attempt, with the columns below
     FOLDER/...               pictures: RGB of 8 bits and depth of 16 bits, as PNG or anything lossless OpenCV reads
 
@@ -19,9 +19,9 @@ Required columns
 ``width_final_m``
     Opening of the jaws after the lift. The attempt succeeded if it is above the station's ``closed_width_m``.
 
-Optional columns: ``pregrasp_rgb`` and ``pregrasp_depth`` (the picture from the pre-grasp pose), ``target`` (an object of
+Optional columns: ``pregrasp_rgb`` and ``pregrasp_depth`` (the picture from there), ``target`` (an object of
 the station's catalogue; where it lay is not known and recorded as the origin), ``contact_force_n``, ``started_ns``. Any
-other column is refused, lest a misspelt one be lost.
+other column is refused, to catch typos.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ from handsight.datasets.records import (
     RgbdFrame,
     SceneObjects,
     SessionHeader,
-    StationCard,
+    StationSpec,
 )
 from handsight.datasets.writing.blocks import prepare
 from handsight.servoing.planar import PlanarPose
@@ -116,13 +116,13 @@ def open_bundle(path: Path) -> Iterator[Bundle]:
     yield Bundle(sessions=[source])
 
 
-def _station(path: Path) -> StationCard:
+def _station(path: Path) -> StationSpec:
     try:
         # The table has no columns for conditions that another station varied.
         return replace(station_from_json(json.loads(path.read_text())), conditions=())
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise InterchangeError(
-            f"{path} is no station card ({type(error).__name__}: {error}), expected the JSON object that "
+            f"{path} is no station spec ({type(error).__name__}: {error}), expected the JSON object that "
             "'handsight dataset show --json' prints as 'station'"
         ) from error
 
@@ -149,7 +149,7 @@ def _ragged(line: Line) -> bool:
     return None in line or None in line.values()
 
 
-def _attempt(folder: Path, line: Line, number: int, station: StationCard) -> GraspAttempt:
+def _attempt(folder: Path, line: Line, number: int, station: StationSpec) -> GraspAttempt:
     values = {name: _number(line, name) for name in _REQUIRED if name not in _PATHS}
     x_m, y_m, angle_rad = values["pregrasp_x_m"], values["pregrasp_y_m"], values["pregrasp_angle_rad"]
     goal = PlanarPose(x_m=x_m, y_m=y_m, angle_rad=angle_rad)
@@ -212,7 +212,7 @@ def _picture(folder: Path, name: str) -> NDArray[Any]:
     return np.asarray(picture)
 
 
-def _scene(line: Line, station: StationCard) -> SceneObjects | None:
+def _scene(line: Line, station: StationSpec) -> SceneObjects | None:
     target = line.get("target", "")
     if not target:
         return None

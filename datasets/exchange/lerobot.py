@@ -45,7 +45,7 @@ from handsight.datasets.exchange.bundle import (
 from handsight.datasets.exchange.sources import SessionSource, checked_source, stored_sources
 from handsight.datasets.format.arrays import array_at, group_at, read_rows
 from handsight.datasets.format.rows import frame_of, from_row
-from handsight.datasets.format.schema import COLUMNS, SESSIONS, VIEWPOINTS, Viewpoint, attempt_id, slots_of
+from handsight.datasets.format.schema import COLUMNS, SESSIONS, VIEWPOINTS, Viewpoint, attempt_id, column_widths
 from handsight.datasets.format.upgrades import columns_since, current_attributes, empty_columns
 from handsight.datasets.reading.reader import GraspDataset
 from handsight.datasets.records import GraspAttempt, Outcome, RgbdFrame
@@ -83,8 +83,8 @@ def write(dataset: GraspDataset, path: Path, on_attempt: Callable[[], None]) -> 
             for name, values in columns.items():
                 with file.open(f"{_flat_name(name)}.npy", "w", force_zip64=True) as entry:
                     np.lib.format.write_array(entry, values, allow_pickle=False)
-        card = {"attributes": source.attributes, "first_episode": first}
-        (path / _SIDE / f"{source.ulid}.json").write_text(json.dumps(card))
+        described = {"attributes": source.attributes, "first_episode": first}
+        (path / _SIDE / f"{source.ulid}.json").write_text(json.dumps(described))
         first += source.size
     statistics = _write_frames(path, sources, on_attempt)
     _write_meta(path, sources, first, statistics)
@@ -251,18 +251,18 @@ def _statistics(values: NDArray[np.float64]) -> dict[str, list[float]]:
 
 
 def _source(path: Path, ulid: str, schema: int) -> SessionSource:
-    card = json.loads((path / _SIDE / f"{ulid}.json").read_text())
-    attributes = current_attributes(card["attributes"], schema)
+    described = json.loads((path / _SIDE / f"{ulid}.json").read_text())
+    attributes = current_attributes(described["attributes"], schema)
     added = {f"attempts/{column.name}" for column in columns_since(schema)}
     with np.load(path / _SIDE / f"{ulid}.npz", allow_pickle=False) as file:
         columns = {name: file[_flat_name(name)] for name in column_paths() if name not in added}
     size = len(columns["attempts/number"])
     source = checked_source(ulid, attributes, size=size, attempts=lambda: iter(()))
-    slots = slots_of(source.header)
-    columns |= {f"attempts/{name}": values for name, values in empty_columns(schema, size, slots).items()}
+    widths = column_widths(source.header)
+    columns |= {f"attempts/{name}": values for name, values in empty_columns(schema, size, widths).items()}
     for column in COLUMNS:
         found = columns[f"attempts/{column.name}"]
-        if found.dtype != np.dtype(column.dtype) or found.shape != (size, *column.shape(slots)):
+        if found.dtype != np.dtype(column.dtype) or found.shape != (size, *column.shape(widths)):
             raise InterchangeError(f"{path}: column {column.name} of session {ulid} is {found.dtype} {found.shape}")
     for viewpoint in VIEWPOINTS:
         if columns[f"{viewpoint}/pose_base_tool"].shape != (size, 4, 4):
@@ -271,7 +271,7 @@ def _source(path: Path, ulid: str, schema: int) -> SessionSource:
         ulid,
         attributes,
         size=size,
-        attempts=partial(_read_attempts, path, ulid, columns, int(card["first_episode"])),
+        attempts=partial(_read_attempts, path, ulid, columns, int(described["first_episode"])),
         digests=tuple(digest.tobytes() for digest in columns["attempts/digest"]),
     )
 

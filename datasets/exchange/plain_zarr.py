@@ -25,7 +25,7 @@ from handsight.datasets.format.arrays import array_at, group_at
 from handsight.datasets.format.decisions import read_overlay
 from handsight.datasets.format.schema import SESSIONS, VIEWPOINTS
 from handsight.datasets.reading.reader import GraspDataset
-from handsight.datasets.store.icechunk_engine import engine_errors
+from handsight.datasets.store.icechunk_engine import icechunk_errors
 
 _METADATA = "zarr.json"
 _KEYS_AT_A_TIME = 64
@@ -39,7 +39,7 @@ def recognises(path: Path) -> bool:
 def write(dataset: GraspDataset, path: Path, on_attempt: Callable[[], None]) -> None:
     """Write a version to a new folder."""
     root = dataset.repository.root(dataset.snapshot_id)
-    with engine_errors(f"cannot read {dataset.repository.path}"):
+    with icechunk_errors(f"cannot read {dataset.repository.path}"):
         for session in dataset.sessions:
             copied = _copy(root.store, f"{SESSIONS}/{session.ulid}/", path, on_attempt)
             for _ in range(session.attempts - copied):

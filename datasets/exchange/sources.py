@@ -19,9 +19,9 @@ from handsight.datasets.format.schema import (
     SCHEMA_VERSION,
     SESSIONS,
     VIEWPOINTS,
-    Slots,
+    ColumnWidths,
     Viewpoint,
-    slots_of,
+    column_widths,
 )
 from handsight.datasets.format.sessions import session_from_attributes
 from handsight.datasets.format.upgrades import columns_of, current_attributes, empty_columns
@@ -101,7 +101,7 @@ def stored_source(group: zarr.Group, ulid: str, schema: int) -> SessionSource:
         attempts=lambda: iter(()),
         digests=tuple(digest.tobytes() for digest in digests),
     )
-    return replace(source, attempts=partial(read_attempts, group, size, slots_of(source.header), schema))
+    return replace(source, attempts=partial(read_attempts, group, size, column_widths(source.header), schema))
 
 
 def stored_sources(root: zarr.Group, schema: int = SCHEMA_VERSION) -> list[SessionSource]:
@@ -110,7 +110,7 @@ def stored_sources(root: zarr.Group, schema: int = SCHEMA_VERSION) -> list[Sessi
     return [stored_source(group_at(sessions, ulid), ulid, schema) for ulid in sorted(sessions.group_keys())]
 
 
-def read_attempts(group: zarr.Group, size: int, slots: Slots, schema: int) -> Iterator[GraspAttempt]:
+def read_attempts(group: zarr.Group, size: int, widths: ColumnWidths, schema: int) -> Iterator[GraspAttempt]:
     """The attempts of a session in the order of their numbers, a few frames in memory at a time.
 
     Raises:
@@ -120,7 +120,7 @@ def read_attempts(group: zarr.Group, size: int, slots: Slots, schema: int) -> It
     for start in range(0, size, COLUMN_CHUNK_ROWS):
         stop = min(start + COLUMN_CHUNK_ROWS, size)
         rows = {name: read_rows(array, start, stop) for name, array in columns.items()}
-        rows |= empty_columns(schema, stop - start, slots)
+        rows |= empty_columns(schema, stop - start, widths)
         for first in range(start, stop, BLOCK_FRAMES):
             last = min(first + BLOCK_FRAMES, stop)
             frames = {viewpoint: _frames(group, viewpoint, first, last) for viewpoint in VIEWPOINTS}

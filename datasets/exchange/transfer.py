@@ -18,13 +18,13 @@ import zarr
 from handsight.datasets.address import DEFAULT_REF
 from handsight.datasets.errors import CorruptDataError, MergeError, SessionConflictError
 from handsight.datasets.exchange.sources import BLOCK_FRAMES, SessionSource
-from handsight.datasets.format.arrays import array_at, group_at, layouts_of, read_rows, together
+from handsight.datasets.format.arrays import array_at, group_at, layouts_of, read_rows, run_concurrently
 from handsight.datasets.format.decisions import Action, Decision, append_decision, read_overlay
 from handsight.datasets.format.frames import FrameEncoder
 from handsight.datasets.format.schema import SESSIONS, attempt_id, create_arrays, packed_rows
 from handsight.datasets.format.sessions import read_sessions
-from handsight.datasets.records import StationCard
-from handsight.datasets.store.icechunk_engine import engine_errors
+from handsight.datasets.records import StationSpec
+from handsight.datasets.store.icechunk_engine import icechunk_errors
 from handsight.datasets.store.layout import check_current
 from handsight.datasets.store.repository import GraspRepository
 from handsight.datasets.writing.blocks import (
@@ -141,30 +141,30 @@ def _contradictions(sources: Sequence[SessionSource], present: dict[str, list[by
     return faults
 
 
-def _mismatches(sources: Sequence[SessionSource], known: Sequence[StationCard]) -> list[str]:
+def _mismatches(sources: Sequence[SessionSource], known: Sequence[StationSpec]) -> list[str]:
     """Instruments of sources that agree with no session that is there."""
-    cards = [instruments(station) for station in known]
+    known_instruments = [instruments(station) for station in known]
     faults = []
     for source in sources:
-        card = instruments(source.header.station)
-        if cards and card not in cards:
-            reference = cards[-1]
+        own = instruments(source.header.station)
+        if known_instruments and own not in known_instruments:
+            reference = known_instruments[-1]
             faults += [
-                f"session {source.ulid} has {name} {card[name]}, the dataset {reference[name]}"
-                for name in card
-                if card[name] != reference[name]
+                f"session {source.ulid} has {name} {own[name]}, the dataset {reference[name]}"
+                for name in own
+                if own[name] != reference[name]
             ]
     if faults:
         faults.append("allow mismatches if attempts of both are to be learnt from together")
     return faults
 
 
-def instruments(station: StationCard) -> dict[str, Any]:
+def instruments(station: StationSpec) -> dict[str, Any]:
     """What must agree for attempts to be comparable: camera, mount, depth scale, gripper, pre-grasp height."""
-    card = {**asdict(station.camera.intrinsics), **asdict(station.camera)}
-    del card["intrinsics"]
+    own = {**asdict(station.camera.intrinsics), **asdict(station.camera)}
+    del own["intrinsics"]
     fields = ("depth_scale_m", "gripper_stroke_m", "closed_width_m", "pregrasp_height_m")
-    return {**card, **{name: getattr(station, name) for name in fields}}
+    return {**own, **{name: getattr(station, name) for name in fields}}
 
 
 def _write(
@@ -177,7 +177,7 @@ def _write(
     on_attempt: Callable[[], None] | None,
 ) -> str:
     change = repository.writable(branch)
-    with engine_errors(f"cannot write to {repository.path}"):
+    with icechunk_errors(f"cannot write to {repository.path}"):
         root = zarr.open_group(change.store, mode="r+")
         sessions = group_at(root, SESSIONS)
         for source in sources:
@@ -206,12 +206,12 @@ def _write_session(group: zarr.Group, source: SessionSource, on_attempt: Callabl
     last_chunks: LastChunks = {}
     while block := list(islice(attempts, BLOCK_FRAMES)):
         frames = [encoder.encode(one.frames) for one in block]
-        together(frame_writes(arrays, frames, stored=stored + len(rows)))
+        run_concurrently(frame_writes(arrays, frames, stored=stored + len(rows)))
         rows += [one.columns for one in block]
         # Columns in whole chunks: a chunk that is written twice leaves its first version behind as garbage.
         if len(rows) == column_rows or len(block) < BLOCK_FRAMES:
             writes, last_chunks = column_writes(arrays, rows, stored=stored, last_chunks=last_chunks)
-            together(writes)
+            run_concurrently(writes)
             stored += len(rows)
             rows = []
         if on_attempt is not None:
@@ -219,7 +219,7 @@ def _write_session(group: zarr.Group, source: SessionSource, on_attempt: Callabl
                 on_attempt()
     if rows:
         writes, _ = column_writes(arrays, rows, stored=stored, last_chunks=last_chunks)
-        together(writes)
+        run_concurrently(writes)
         stored += len(rows)
     if stored != source.size:
         raise CorruptDataError(f"session {source.ulid} ends after {stored} attempts, expected {source.size}")

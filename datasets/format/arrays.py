@@ -116,7 +116,7 @@ def read_rows(array: zarr.Array[Any], start: int, stop: int) -> NDArray[Any]:
 
 def append_rows(array: zarr.Array[Any], rows: NDArray[Any]) -> None:
     """Add rows to the end of an array."""
-    together([end_with(array, array.shape[0], rows)])
+    run_concurrently([truncate_and_append(array, array.shape[0], rows)])
 
 
 async def overwrite(array: zarr.Array[Any], start: int, rows: NDArray[Any]) -> None:
@@ -124,14 +124,14 @@ async def overwrite(array: zarr.Array[Any], start: int, rows: NDArray[Any]) -> N
     await array.async_array.setitem(slice(start, start + len(rows)), rows)
 
 
-async def end_with(array: zarr.Array[Any], start: int, rows: NDArray[Any]) -> None:
+async def truncate_and_append(array: zarr.Array[Any], start: int, rows: NDArray[Any]) -> None:
     """Let an array end with some rows, from the one given on; what it had from there is gone."""
     await array.async_array.resize((start + len(rows), *array.shape[1:]))
     await overwrite(array, start, rows)
 
 
-async def end_with_chunks(array: zarr.Array[Any], start: int, chunks: Sequence[Buffer | None]) -> None:
-    """As :func:`end_with` for an array with one row in a chunk and chunks that are encoded; None is fill values."""
+async def truncate_and_append_chunks(array: zarr.Array[Any], start: int, chunks: Sequence[Buffer | None]) -> None:
+    """As :func:`truncate_and_append`, for arrays of one row a chunk and encoded chunks; None is fill values."""
     await array.async_array.resize((start + len(chunks), *array.shape[1:]))
     inner = (0,) * (array.ndim - 1)
     for row, chunk in enumerate(chunks, start):
@@ -139,8 +139,8 @@ async def end_with_chunks(array: zarr.Array[Any], start: int, chunks: Sequence[B
             await (array.store_path / array.metadata.encode_chunk_key((row, *inner))).set(chunk)
 
 
-def together(writes: Iterable[Coroutine[Any, Any, None]]) -> None:
-    """Do writes to different arrays all at a time.
+def run_concurrently(writes: Iterable[Coroutine[Any, Any, None]]) -> None:
+    """Do writes to different arrays concurrently.
 
     A commit writes to two dozen arrays, and one after the other would take half as long again. All are waited for,
     whatever fails, so that nothing is written behind the back of whoever handles the error.

@@ -11,7 +11,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from handsight.datasets.format.rows import text_from_bytes
-from handsight.datasets.format.schema import COLUMNS, VIEWPOINTS, Slots, attempt_id
+from handsight.datasets.format.schema import COLUMNS, VIEWPOINTS, ColumnWidths, attempt_id
 from handsight.datasets.format.sessions import SessionInfo
 from handsight.datasets.records import PHASES, Outcome
 
@@ -176,4 +176,4 @@ TABLE: dict[str, Build] = {
 
 
 def _no_columns() -> Columns:
-    return {column.name: np.empty((0, *column.shape(Slots(1, 1))), dtype=column.dtype) for column in COLUMNS}
+    return {column.name: np.empty((0, *column.shape(ColumnWidths(1, 1))), dtype=column.dtype) for column in COLUMNS}

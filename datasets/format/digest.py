@@ -20,14 +20,14 @@ from numpy.typing import NDArray
 
 from handsight.datasets.format.header import canonical_json, station_to_json
 from handsight.datasets.format.rows import frame_of, to_row
-from handsight.datasets.format.schema import COLUMNS, VIEWPOINTS, Slots
-from handsight.datasets.records import GraspAttempt, SceneObjects, StationCard
+from handsight.datasets.format.schema import COLUMNS, VIEWPOINTS, ColumnWidths
+from handsight.datasets.records import GraspAttempt, SceneObjects, StationSpec
 
 _ATTEMPT_PREFIX = b"handsight attempt 1\n"
 _DATASET_PREFIX = b"handsight dataset 1\n"
 
 
-def attempt_digest(attempt: GraspAttempt, station: StationCard) -> bytes:
+def attempt_digest(attempt: GraspAttempt, station: StationSpec) -> bytes:
     """The content of one attempt, as 32 bytes. The attempt must be valid for the station."""
     digest = hashlib.sha256(_ATTEMPT_PREFIX)
     instruments = station_to_json(station)
@@ -36,7 +36,7 @@ def attempt_digest(attempt: GraspAttempt, station: StationCard) -> bytes:
         del instruments["conditions"]  # Schema 1 knew of none, and its digests stay what they are.
     _feed_text(digest, "station", canonical_json(instruments))
     _feed_text(digest, "objects", canonical_json(object_names(attempt.scene, station)))
-    row = to_row(attempt, slots=_exact_slots(attempt.scene))
+    row = to_row(attempt, widths=_exact_widths(attempt.scene))
     for column in COLUMNS:
         if column.digested and (column.since == 1 or not np.isnan(row[column.name]).all()):
             _feed_array(digest, column.name, row[column.name])
@@ -59,16 +59,16 @@ def dataset_digest(attempt_digests: Iterable[bytes]) -> str:
     return hashlib.sha256(_DATASET_PREFIX + np.sort(rows).tobytes()).hexdigest()
 
 
-def object_names(scene: SceneObjects | None, station: StationCard) -> tuple[str, ...]:
+def object_names(scene: SceneObjects | None, station: StationSpec) -> tuple[str, ...]:
     """The objects of a scene by name, in the scene's order."""
     return () if scene is None else tuple(station.objects[index] for index in scene.catalogue_index)
 
 
-def _exact_slots(scene: SceneObjects | None) -> Slots:
+def _exact_widths(scene: SceneObjects | None) -> ColumnWidths:
     """As wide as the scene, so that the width of the session's columns does not matter."""
     if scene is None:
-        return Slots(objects=0, conditions=0)
-    return Slots(objects=len(scene.catalogue_index), conditions=len(scene.conditions))
+        return ColumnWidths(objects=0, conditions=0)
+    return ColumnWidths(objects=len(scene.catalogue_index), conditions=len(scene.conditions))
 
 
 def _feed_text(digest: hashlib._Hash, name: str, text: str) -> None:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from zarr.abc.buffer import Buffer
 from zarr.storage import MemoryStore
 
-from handsight.datasets.format.arrays import Layouts, arrays_with, overwrite, together
+from handsight.datasets.format.arrays import Layouts, arrays_with, overwrite, run_concurrently
 from handsight.datasets.format.schema import VIEWPOINTS, Viewpoint
 from handsight.datasets.records import RgbdFrame
 
@@ -36,7 +36,7 @@ class FrameEncoder:
         """The chunks of one attempt. The pictures are not needed any more afterwards."""
         chunks: dict[str, Buffer] = {}
         arrays = arrays_with(self._one_row, MemoryStore(chunks))
-        together(overwrite(arrays[path], 0, frame[None]) for path, frame in _frames(frames).items())
+        run_concurrently(overwrite(arrays[path], 0, frame[None]) for path, frame in _frames(frames).items())
         return {key.partition("/c/")[0]: chunk for key, chunk in chunks.items()}
 
 

@@ -7,7 +7,7 @@ import json
 from dataclasses import asdict
 from typing import Any
 
-from handsight.datasets.records import SessionHeader, StationCard
+from handsight.datasets.records import SessionHeader, StationSpec
 from handsight.servoing.camera import HandCamera, Intrinsics
 
 
@@ -21,17 +21,17 @@ def canonical_json(value: Any) -> str:
     return json.dumps(value, sort_keys=True, separators=(",", ":"), allow_nan=False)
 
 
-def station_to_json(station: StationCard) -> dict[str, Any]:
-    """A station card as JSON values."""
+def station_to_json(station: StationSpec) -> dict[str, Any]:
+    """A station spec as JSON values."""
     return {**asdict(station), "objects": list(station.objects), "conditions": list(station.conditions)}
 
 
-def station_from_json(card: dict[str, Any]) -> StationCard:
-    """The station card that ``station_to_json`` was given."""
-    camera = dict(card["camera"])
+def station_from_json(values: dict[str, Any]) -> StationSpec:
+    """The station spec that ``station_to_json`` was given."""
+    camera = dict(values["camera"])
     intrinsics = Intrinsics(**camera.pop("intrinsics"))
-    names = {key: tuple(card[key]) for key in ("objects", "conditions")}
-    return StationCard(**{**card, **names, "camera": HandCamera(intrinsics=intrinsics, **camera)})
+    names = {key: tuple(values[key]) for key in ("objects", "conditions")}
+    return StationSpec(**{**values, **names, "camera": HandCamera(intrinsics=intrinsics, **camera)})
 
 
 def header_to_json(header: SessionHeader) -> dict[str, Any]:
@@ -44,9 +44,9 @@ def header_to_json(header: SessionHeader) -> dict[str, Any]:
     }
 
 
-def header_from_json(card: dict[str, Any]) -> SessionHeader:
+def header_from_json(values: dict[str, Any]) -> SessionHeader:
     """The session header that ``header_to_json`` was given; tuples in its configuration come back as lists."""
-    return SessionHeader(**{**card, "station": station_from_json(card["station"])})
+    return SessionHeader(**{**values, "station": station_from_json(values["station"])})
 
 
 def config_digest(header: SessionHeader) -> str:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from handsight.datasets.format.schema import COLUMNS, FAILURE_BYTES, VIEWPOINTS, Slots, Viewpoint
+from handsight.datasets.format.schema import COLUMNS, FAILURE_BYTES, VIEWPOINTS, ColumnWidths, Viewpoint
 from handsight.datasets.records import (
     GraspAttempt,
     GripperReadings,
@@ -21,8 +21,8 @@ Row = dict[str, NDArray[Any]]
 """One value for each column; shapes as in the schema."""
 
 
-def to_row(attempt: GraspAttempt, *, slots: Slots) -> Row:
-    """The columns of an attempt except ``digest``, in fresh memory, as wide as ``slots`` says."""
+def to_row(attempt: GraspAttempt, *, widths: ColumnWidths) -> Row:
+    """The columns of an attempt except ``digest``, in fresh memory, as wide as ``widths`` says."""
     values: dict[str, Any] = {
         "number": attempt.number,
         "outcome": int(attempt.outcome),
@@ -45,7 +45,7 @@ def to_row(attempt: GraspAttempt, *, slots: Slots) -> Row:
     }
     row: Row = {}
     for column in COLUMNS:
-        cell = np.full(column.shape(slots), column.fill, dtype=column.dtype)
+        cell = np.full(column.shape(widths), column.fill, dtype=column.dtype)
         if column.name in values:
             value = np.asarray(values[column.name], dtype=column.dtype)
             cell[tuple(slice(size) for size in value.shape)] = value

@@ -52,7 +52,7 @@ PACKED_CHUNK_ROWS = 16384
 reading costs a millisecond for each chunk."""
 
 
-class Slots(NamedTuple):
+class ColumnWidths(NamedTuple):
     """Places in one row of the columns whose width differs between sessions."""
 
     objects: int
@@ -65,8 +65,8 @@ class Column:
 
     name: str
     dtype: str
-    shape: Callable[[Slots], tuple[int, ...]] = lambda slots: ()
-    """Shape of one row, from the slots of the session."""
+    shape: Callable[[ColumnWidths], tuple[int, ...]] = lambda widths: ()
+    """Shape of one row, from the widths of the session."""
     unit: str = ""
     fill: float | int | bool = 0
     """What a slot holds that belongs to nothing, such as the second object of a scene with one."""
@@ -86,20 +86,20 @@ COLUMNS = (
     Column(
         name="failure",
         dtype="uint8",
-        shape=lambda slots: (FAILURE_BYTES,),
+        shape=lambda widths: (FAILURE_BYTES,),
         description="'phase: reason' in UTF-8, padded with zeros; empty where the attempt ran to its end.",
     ),
     Column(
         name="picture_taken",
         dtype="bool",
-        shape=lambda slots: (len(VIEWPOINTS),),
+        shape=lambda widths: (len(VIEWPOINTS),),
         fill=False,
         description=f"Whether there is a picture: {', '.join(VIEWPOINTS)}.",
     ),
     Column(
         name="pregrasp_x_y_angle",
         dtype="float64",
-        shape=lambda slots: (3,),
+        shape=lambda widths: (3,),
         unit="m, m, rad",
         fill=_NAN,
         description="The pre-grasp pose commanded, in the base frame.",
@@ -114,7 +114,7 @@ COLUMNS = (
     Column(
         name="pose_base_tool_grasp",
         dtype="float64",
-        shape=lambda slots: (4, 4),
+        shape=lambda widths: (4, 4),
         unit="m",
         fill=_NAN,
         description="Tool pose measured when the jaws closed; NaN when they did not.",
@@ -129,7 +129,7 @@ COLUMNS = (
     Column(
         name="gripper_width_m",
         dtype="float64",
-        shape=lambda slots: (4,),
+        shape=lambda widths: (4,),
         unit="m",
         fill=_NAN,
         description="Jaw opening before, closed, lifted and final; NaN where the attempt never got there.",
@@ -139,7 +139,7 @@ COLUMNS = (
     Column(
         name="catalogue_index",
         dtype="int16",
-        shape=lambda slots: (slots.objects,),
+        shape=lambda widths: (widths.objects,),
         fill=-1,
         digested=False,
         description="Index of each object in the session's catalogue. The digest takes the names instead.",
@@ -147,7 +147,7 @@ COLUMNS = (
     Column(
         name="pose_base_object",
         dtype="float64",
-        shape=lambda slots: (slots.objects, 7),
+        shape=lambda widths: (widths.objects, 7),
         unit="m, 1",
         fill=_NAN,
         description="Position and quaternion, as x y z qx qy qz qw, when the overhead picture was taken.",
@@ -156,7 +156,7 @@ COLUMNS = (
         name="conditions",
         dtype="float64",
         since=2,
-        shape=lambda slots: (slots.conditions,),
+        shape=lambda widths: (widths.conditions,),
         fill=_NAN,
         description="Values of the session's named conditions, varied from attempt to attempt.",
     ),
@@ -164,7 +164,7 @@ COLUMNS = (
     Column(
         name="phase_s",
         dtype="float32",
-        shape=lambda slots: (len(PHASES),),
+        shape=lambda widths: (len(PHASES),),
         unit="s",
         fill=_NAN,
         description=f"Duration of {', '.join(PHASES)} in the station's own time.",
@@ -172,7 +172,7 @@ COLUMNS = (
     Column(
         name="started_elapsed_ns",
         dtype="int64",
-        shape=lambda slots: (2,),
+        shape=lambda widths: (2,),
         unit="ns",
         digested=False,
         description="Wall clock at the start, since the epoch, and wall time taken.",
@@ -180,7 +180,7 @@ COLUMNS = (
     Column(
         name="digest",
         dtype="uint8",
-        shape=lambda slots: (32,),
+        shape=lambda widths: (32,),
         digested=False,
         description="SHA-256 of the attempt's content, see digest.py.",
     ),
@@ -189,9 +189,9 @@ COLUMNS = (
 milliseconds for each array it touches."""
 
 
-def slots_of(header: SessionHeader) -> Slots:
-    """The slots of a session; at least one of each kind, because an array cannot have chunks of no width."""
-    return Slots(objects=max(1, header.objects_per_scene), conditions=max(1, len(header.station.conditions)))
+def column_widths(header: SessionHeader) -> ColumnWidths:
+    """The widths of a session; at least one of each kind, because an array cannot have chunks of no width."""
+    return ColumnWidths(objects=max(1, header.objects_per_scene), conditions=max(1, len(header.station.conditions)))
 
 
 def packed_rows(status: str, attempts: int) -> int:
@@ -232,7 +232,7 @@ def create_arrays(session: zarr.Group, header: SessionHeader, *, column_rows: in
             attempts,
             column.name,
             dtype=column.dtype,
-            row=column.shape(slots_of(header)),
+            row=column.shape(column_widths(header)),
             rows=column_rows,
             fill=column.fill,
             attributes={"unit": column.unit, "description": column.description},

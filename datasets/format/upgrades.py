@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from handsight.datasets.format.schema import COLUMNS, SCHEMA_VERSION, Column, Slots
+from handsight.datasets.format.schema import COLUMNS, SCHEMA_VERSION, Column, ColumnWidths
 from handsight.datasets.format.sessions import attributes_with_header
 
 
@@ -37,10 +37,10 @@ def columns_since(schema: int) -> tuple[Column, ...]:
     return tuple(column for column in COLUMNS if column.since > schema)
 
 
-def empty_columns(schema: int, rows: int, slots: Slots) -> dict[str, NDArray[Any]]:
+def empty_columns(schema: int, rows: int, widths: ColumnWidths) -> dict[str, NDArray[Any]]:
     """What the columns that came after a schema hold for attempts of that schema, by name."""
     return {
-        column.name: np.full((rows, *column.shape(slots)), column.fill, column.dtype)
+        column.name: np.full((rows, *column.shape(widths)), column.fill, column.dtype)
         for column in columns_since(schema)
     }
 

@@ -21,7 +21,7 @@ from handsight.datasets.records import (
     RgbdFrame,
     SceneObjects,
     SessionHeader,
-    StationCard,
+    StationSpec,
 )
 from handsight.servoing.camera import Intrinsics
 
@@ -68,7 +68,7 @@ def attempt_faults(attempt: GraspAttempt, header: SessionHeader) -> list[str]:
     return faults
 
 
-def _station_faults(station: StationCard) -> list[str]:
+def _station_faults(station: StationSpec) -> list[str]:
     faults = []
     if not re.fullmatch(r"[a-z][a-z0-9_-]*", station.source):
         faults.append(f"source is {station.source!r}, expected a lower-case word such as sim or ur10")
@@ -169,11 +169,11 @@ def _condition_faults(values: NDArray[np.float64], names: tuple[str, ...]) -> li
     return faults
 
 
-def _outcome_faults(attempt: GraspAttempt, station: StationCard) -> list[str]:
+def _outcome_faults(attempt: GraspAttempt, station: StationSpec) -> list[str]:
     return _label_faults(attempt, station) if attempt.labelled else _failure_faults(attempt.failure)
 
 
-def _label_faults(attempt: GraspAttempt, station: StationCard) -> list[str]:
+def _label_faults(attempt: GraspAttempt, station: StationSpec) -> list[str]:
     label = attempt.outcome.name
     faults = []
     if attempt.failure:

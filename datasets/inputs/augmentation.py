@@ -14,14 +14,14 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-MIRRORINGS = 4
+FLIPS = 4
 """As recorded, left-right, top-bottom, both."""
 
 _COLOURS = slice(0, 3)
 _HEIGHT = slice(3, 4)
 
 
-def mirrored(inputs: Tensor, which: Tensor) -> Tensor:
+def flipped(inputs: Tensor, which: Tensor) -> Tensor:
     """Each input in the mirroring 0 to 3 that ``which`` (B,) names. (B, C, size, size) -> the same shape."""
     which = which[:, None, None, None]
     once = torch.where(which % 2 == 1, inputs.flip(3), inputs)

@@ -1,8 +1,8 @@
 """From raw pictures to network inputs: warped once, kept in a memory-mapped cache.
 
-A dataset stores what the camera saw. What the network reads is derived from it: the picture of one viewpoint, warped to the
-pre-grasp pose at which the fixed grasp policy started (section III-B). The cache is keyed by frame and transform, so
-it can be deleted at any time and never goes stale: curation and folds are part of the frame.
+A dataset stores what the camera saw. What the network reads is derived from it: the frame from one viewpoint, warped
+to the pre-grasp pose at which the fixed grasp policy started (section III-B). The cache is keyed by snapshot and
+transform, so it can be deleted at any time and never goes stale: curation and folds are part of the snapshot.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from handsight.datasets.errors import NoTrainingDataError
 from handsight.datasets.format.schema import Viewpoint
 from handsight.datasets.reading.reader import GraspDataset
-from handsight.datasets.records import RgbdFrame, StationCard
+from handsight.datasets.records import RgbdFrame, StationSpec
 from handsight.datasets.views import station_view
 from handsight.servoing.homography import InputGrid, predict_inputs
 from handsight.servoing.planar import PlanarPose
@@ -149,7 +149,7 @@ def _warped(
         yield from (one.result() for one in waiting)
 
 
-def grasp_input(frame: RgbdFrame, station: StationCard, goal: PlanarPose, grid: InputGrid) -> NDArray[np.float32]:
+def grasp_input(frame: RgbdFrame, station: StationSpec, goal: PlanarPose, grid: InputGrid) -> NDArray[np.float32]:
     """The network input for a grasp at ``goal``, predicted from a picture taken elsewhere. Shape (4, size, size)."""
     taken_at = PlanarPose.from_pose_base_tool(frame.pose_base_tool)
     step = taken_at.step_to(goal)

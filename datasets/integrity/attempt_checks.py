@@ -23,7 +23,7 @@ _BLOCK_FRAMES = 8
 """Frames decoded together; about 25 MB for two views at 640x480."""
 
 
-class Stretch(NamedTuple):
+class AttemptRange(NamedTuple):
     """Neighbouring attempts of a session."""
 
     session: str
@@ -31,7 +31,7 @@ class Stretch(NamedTuple):
     stop: int
     """The number after the last."""
 
-    def cut(self, size: int) -> list[Stretch]:
+    def cut(self, size: int) -> list[AttemptRange]:
         """The same in pieces of so many attempts; the last may have fewer."""
         starts = range(self.start, self.stop, size)
         return [self._replace(start=start, stop=min(start + size, self.stop)) for start in starts]
@@ -52,7 +52,7 @@ class Checked:
     """Why an attempt is corrupt, by its id."""
 
     @classmethod
-    def together(cls, parts: Iterable[Checked]) -> Checked:
+    def merged(cls, parts: Iterable[Checked]) -> Checked:
         """What was found of all of them."""
         known = list(parts)
         return cls(
@@ -71,34 +71,34 @@ class AttemptChecker:
         self._arrays: dict[str, Arrays] = {}
         self._columns = _ColumnChunk(session="", first=0, values={})
 
-    def check(self, stretch: Stretch) -> Checked:
+    def check(self, attempts: AttemptRange) -> Checked:
         """Read every byte of some attempts, which lie in one chunk of the columns."""
         try:
-            self._read_columns(stretch)
+            self._read_columns(attempts)
         except CorruptDataError as error:
-            return _corrupt(stretch, error)
-        return Checked.together(map(self._check_block, stretch.cut(_BLOCK_FRAMES)))
+            return _corrupt(attempts, error)
+        return Checked.merged(map(self._check_block, attempts.cut(_BLOCK_FRAMES)))
 
-    def _read_columns(self, stretch: Stretch) -> None:
-        if stretch.session not in self._arrays:
-            self._arrays[stretch.session] = session_arrays(group_at(self._root, f"{SESSIONS}/{stretch.session}"))
-        arrays = self._arrays[stretch.session]
+    def _read_columns(self, attempts: AttemptRange) -> None:
+        if attempts.session not in self._arrays:
+            self._arrays[attempts.session] = session_arrays(group_at(self._root, f"{SESSIONS}/{attempts.session}"))
+        arrays = self._arrays[attempts.session]
         size = arrays["attempts/number"].chunks[0]
-        first = chunk_start(stretch.start, size)
-        if (self._columns.session, self._columns.first) != (stretch.session, first) or not self._columns.values:
-            last = min(first + size, self._sessions[stretch.session].attempts)
+        first = chunk_start(attempts.start, size)
+        if (self._columns.session, self._columns.first) != (attempts.session, first) or not self._columns.values:
+            last = min(first + size, self._sessions[attempts.session].attempts)
             values = {path: _read_whole(arrays[path], first, last) for path in column_paths()}
-            self._columns = _ColumnChunk(session=stretch.session, first=first, values=values)
+            self._columns = _ColumnChunk(session=attempts.session, first=first, values=values)
 
-    def _check_block(self, block: Stretch) -> Checked:
+    def _check_block(self, block: AttemptRange) -> Checked:
         """Attempts whose pictures are decoded together; one by one where that fails."""
         try:
             pictures = {viewpoint: self._pictures(block, viewpoint) for viewpoint in VIEWPOINTS}
         except CorruptDataError as error:
             pieces = block.cut(1)
-            return Checked.together(map(self._check_block, pieces)) if len(pieces) > 1 else _corrupt(block, error)
+            return Checked.merged(map(self._check_block, pieces)) if len(pieces) > 1 else _corrupt(block, error)
         numbers = range(block.start, block.stop)
-        return Checked.together(
+        return Checked.merged(
             self._check_attempt(
                 block.session,
                 number,
@@ -107,7 +107,7 @@ class AttemptChecker:
             for number in numbers
         )
 
-    def _pictures(self, block: Stretch, viewpoint: Viewpoint) -> list[RgbdFrame]:
+    def _pictures(self, block: AttemptRange, viewpoint: Viewpoint) -> list[RgbdFrame]:
         arrays = self._arrays[block.session]
         rgb, depth = (_read_whole(arrays[f"{viewpoint}/{name}"], block.start, block.stop) for name in ("rgb", "depth"))
         poses = self._columns.rows(f"{viewpoint}/pose_base_tool", block.start, block.stop)
@@ -138,8 +138,8 @@ class _ColumnChunk:
         return self.values[path][start - self.first : stop - self.first]
 
 
-def _corrupt(stretch: Stretch, error: CorruptDataError) -> Checked:
-    faults = dict.fromkeys(stretch.ids(), str(error))
+def _corrupt(attempts: AttemptRange, error: CorruptDataError) -> Checked:
+    faults = dict.fromkeys(attempts.ids(), str(error))
     return Checked(attempts=len(faults), bytes=0, faults=faults)
 
 

@@ -10,13 +10,13 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 
 from handsight.datasets.reading.reader import GraspDataset
-from handsight.datasets.store.icechunk_engine import engine_errors, sync_file_system
+from handsight.datasets.store.icechunk_engine import icechunk_errors, sync_file_system
 from handsight.datasets.store.repository import GraspRepository
 
 GRACE = timedelta(hours=1)
 """Files younger than this may belong to a commit in progress and are never deleted."""
 
-LIVELY = timedelta(days=1)
+ACTIVE_WINDOW = timedelta(days=1)
 """An open session that committed within this time may have a writer."""
 
 
@@ -27,7 +27,7 @@ class GarbageReport:
     dry_run: bool
     older_than: datetime
     """UTC. Only files older than this were looked at; earlier than asked for where something is being written."""
-    held_back_by: tuple[str, ...]
+    retained_by: tuple[str, ...]
     """Open sessions that moved the time back."""
     bytes: int
     chunks: int
@@ -61,17 +61,17 @@ def collect_garbage(
         DatasetBusyError: Another process held the commit lock for too long.
     """
     with repository.locked():
-        lively = _lively_sessions(repository)
-        limits = [datetime.now(UTC) - grace, *lively.values()]
+        active = _active_sessions(repository)
+        limits = [datetime.now(UTC) - grace, *active.values()]
         cutoff = min([*limits, older_than] if older_than is not None else limits)
-        with engine_errors(f"cannot collect the garbage of {repository.path}"):
-            found = repository.engine.garbage_collect(cutoff, dry_run=dry_run)
+        with icechunk_errors(f"cannot collect the garbage of {repository.path}"):
+            found = repository.icechunk_repository.garbage_collect(cutoff, dry_run=dry_run)
         if not dry_run:
             sync_file_system(repository.path)
     return GarbageReport(
         dry_run=dry_run,
         older_than=cutoff,
-        held_back_by=tuple(session for session, when in lively.items() if when <= cutoff),
+        retained_by=tuple(session for session, when in active.items() if when <= cutoff),
         bytes=found.bytes_deleted,
         chunks=found.chunks_deleted,
         snapshots=found.snapshots_deleted,
@@ -96,19 +96,19 @@ def expire(repository: GraspRepository, older_than: datetime, *, dry_run: bool) 
                 if entry.snapshot_id not in named and entry.written_at < older_than:
                     old.setdefault(entry.snapshot_id)
         if not dry_run:
-            with engine_errors(f"cannot expire commits of {repository.path}"):
-                repository.engine.expire_snapshots(older_than)
+            with icechunk_errors(f"cannot expire commits of {repository.path}"):
+                repository.icechunk_repository.expire_snapshots(older_than)
             sync_file_system(repository.path)
     return ExpiryReport(dry_run=dry_run, older_than=older_than, snapshots=tuple(old))
 
 
-def _lively_sessions(repository: GraspRepository) -> dict[str, datetime]:
+def _active_sessions(repository: GraspRepository) -> dict[str, datetime]:
     """Time of the last commit of every open session that may have a writer, on any branch."""
-    recent = datetime.now(UTC) - LIVELY
-    lively: dict[str, datetime] = {}
+    recent = datetime.now(UTC) - ACTIVE_WINDOW
+    active: dict[str, datetime] = {}
     for tip in repository.branches().values():
         open_sessions = {one.ulid for one in GraspDataset(repository, ref=tip).sessions if one.status == "open"}
         for entry in repository.log(tip):
             if entry.session in open_sessions and entry.written_at > recent:
-                lively[entry.session] = max(entry.written_at, lively.get(entry.session, entry.written_at))
-    return dict(sorted(lively.items()))
+                active[entry.session] = max(entry.written_at, active.get(entry.session, entry.written_at))
+    return dict(sorted(active.items()))

@@ -11,10 +11,10 @@ import zarr
 
 from handsight.datasets.address import DEFAULT_REF
 from handsight.datasets.format.arrays import array_at, group_at
-from handsight.datasets.format.schema import SCHEMA_VERSION, SESSIONS, Slots, create_array
+from handsight.datasets.format.schema import SCHEMA_VERSION, SESSIONS, ColumnWidths, create_array
 from handsight.datasets.format.upgrades import columns_since, current_attributes
 from handsight.datasets.store.branches import create_branch, delete_branch
-from handsight.datasets.store.icechunk_engine import engine_errors
+from handsight.datasets.store.icechunk_engine import icechunk_errors
 from handsight.datasets.store.repository import GraspRepository
 
 
@@ -46,7 +46,7 @@ def migrate(repository: GraspRepository, branch: str, *, ref: str = DEFAULT_REF)
     create_branch(repository, branch, ref)
     try:
         change = repository.writable(branch)
-        with engine_errors(f"cannot migrate {repository.path}"):
+        with icechunk_errors(f"cannot migrate {repository.path}"):
             root = zarr.open_group(change.store, mode="r+")
             sessions = [session for _, session in group_at(root, SESSIONS).groups()]
             for session in sessions:
@@ -71,10 +71,10 @@ def _bring_forward(session: zarr.Group, schema: int) -> None:
     """Give a session today's attributes, and the columns it lacks: fill values, of which nothing is stored."""
     session.attrs.put(current_attributes(session.attrs.asdict(), schema))
     numbers = array_at(session, "attempts/number")
-    slots = Slots(objects=array_at(session, "attempts/catalogue_index").shape[1], conditions=1)
+    widths = ColumnWidths(objects=array_at(session, "attempts/catalogue_index").shape[1], conditions=1)
     attempts = group_at(session, "attempts")
     for column in columns_since(schema):
-        row = column.shape(slots)
+        row = column.shape(widths)
         create_array(
             attempts,
             column.name,

@@ -15,20 +15,20 @@ from dataclasses import dataclass
 import numpy as np
 import zarr
 
-from handsight.datasets.address import Place
+from handsight.datasets.address import Location
 from handsight.datasets.curation.folds import FOLDS
 from handsight.datasets.errors import StorageError
 from handsight.datasets.format.arrays import READ_FAILURES, array_at, group_at, read_rows
 from handsight.datasets.format.decisions import CURATION
 from handsight.datasets.format.saved_filters import FILTERS_GROUP
-from handsight.datasets.format.schema import COLUMNS, SESSIONS, Slots
+from handsight.datasets.format.schema import COLUMNS, SESSIONS, ColumnWidths
 from handsight.datasets.format.sessions import attribute_damage
-from handsight.datasets.integrity.attempt_checks import AttemptChecker, Checked, Stretch
+from handsight.datasets.integrity.attempt_checks import AttemptChecker, AttemptRange, Checked
 from handsight.datasets.reading.reader import GraspDataset
 from handsight.datasets.store.repository import GraspRepository
 from handsight.jobs.processes import process_pool
 
-_STRETCH = 64
+_RANGE = 64
 """Attempts checked at a time, about 0.6 s of work; it divides the chunks of columns."""
 
 _WORTH_A_PROCESS = 512
@@ -74,11 +74,11 @@ def verify(dataset: GraspDataset, *, jobs: int = 1, on_checked: Callable[[int], 
         ForkedProcessError: The dataset was opened in another process.
     """
     root = dataset.repository.root(dataset.snapshot_id)
-    whole = [Stretch(session.ulid, 0, session.attempts) for session in dataset.sessions]
-    stretches = [piece for session in whole for piece in session.cut(_STRETCH)]
+    whole = [AttemptRange(session.ulid, 0, session.attempts) for session in dataset.sessions]
+    ranges = [piece for session in whole for piece in session.cut(_RANGE)]
     attempts = sum(session.stop for session in whole)
     workers = min(jobs, max(1, attempts // _WORTH_A_PROCESS))
-    found = map(AttemptChecker(dataset).check, stretches) if workers == 1 else _spread(dataset, stretches, workers)
+    found = map(AttemptChecker(dataset).check, ranges) if workers == 1 else _spread(dataset, ranges, workers)
     parts: list[Checked] = []
     checked = 0
     for part in found:
@@ -86,17 +86,17 @@ def verify(dataset: GraspDataset, *, jobs: int = 1, on_checked: Callable[[int], 
         checked += part.attempts
         if on_checked is not None:
             on_checked(checked)
-    total = Checked.together(parts)
+    total = Checked.merged(parts)
     return VerifyReport(
         checked=total.attempts, bytes=total.bytes, faults=total.faults, damage=tuple(_damage_beside(root))
     )
 
 
-def _spread(dataset: GraspDataset, stretches: Sequence[Stretch], workers: int) -> Iterator[Checked]:
-    """What processes find, in the order of the stretches. Threads would share one interpreter and wait for it."""
+def _spread(dataset: GraspDataset, ranges: Sequence[AttemptRange], workers: int) -> Iterator[Checked]:
+    """What processes find, in the order of the ranges. Threads would share one interpreter and wait for it."""
     pool = process_pool(workers, _open_checker, dataset.repository.path, dataset.snapshot_id)
     try:
-        yield from pool.map(_check, stretches)
+        yield from pool.map(_check, ranges)
     except BrokenExecutor as error:
         raise StorageError(
             "a process that verified attempts ended before its time, perhaps for lack of memory: use fewer with --jobs"
@@ -109,13 +109,13 @@ _checkers: list[AttemptChecker] = []
 """The one of this process, where it is one of those that verify."""
 
 
-def _open_checker(path: Place, snapshot_id: str) -> None:
+def _open_checker(path: Location, snapshot_id: str) -> None:
     _checkers.append(AttemptChecker(GraspDataset(GraspRepository.open(path), ref=snapshot_id)))
 
 
-def _check(stretch: Stretch) -> Checked:
+def _check(attempts: AttemptRange) -> Checked:
     (checker,) = _checkers
-    return checker.check(stretch)
+    return checker.check(attempts)
 
 
 def _damage_beside(root: zarr.Group) -> Iterator[str]:
@@ -136,14 +136,14 @@ def _damage_beside(root: zarr.Group) -> Iterator[str]:
 def _session_faults(group: zarr.Group) -> list[str]:
     """Attributes that changed, and columns that are not laid out as the schema says: their bytes would be misread."""
     faults = attribute_damage(group.attrs.asdict())
-    slots = Slots(*(array_at(group, f"attempts/{name}").shape[1] for name in ("catalogue_index", "conditions")))
+    widths = ColumnWidths(*(array_at(group, f"attempts/{name}").shape[1] for name in ("catalogue_index", "conditions")))
     for column in COLUMNS:
         array = array_at(group, f"attempts/{column.name}")
         found = (array.dtype, array.shape[1:], np.array(array.fill_value, array.dtype).tobytes())
         dtype = np.dtype(column.dtype)
-        if found != (dtype, column.shape(slots), np.array(column.fill, dtype).tobytes()):
+        if found != (dtype, column.shape(widths), np.array(column.fill, dtype).tobytes()):
             faults.append(
                 f"column {column.name} has type {array.dtype}, rows of {array.shape[1:]}, fill value "
-                f"{array.fill_value}; expected {dtype}, {column.shape(slots)}, {column.fill}"
+                f"{array.fill_value}; expected {dtype}, {column.shape(widths)}, {column.fill}"
             )
     return faults

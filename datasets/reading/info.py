@@ -41,7 +41,7 @@ def bytes_stored(repository: GraspRepository) -> int:
     """Bytes in the files of a dataset, caches left out; in a bucket, only those of its chunks."""
     folder = repository.path
     if isinstance(folder, S3Prefix):
-        return int(repository.engine.chunk_storage_stats().native_bytes)
+        return int(repository.icechunk_repository.chunk_storage_stats().native_bytes)
     total = 0
     for parent, folders, files in os.walk(folder):
         if Path(parent) == folder and SIDE_FOLDER in folders:

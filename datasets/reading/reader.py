@@ -35,7 +35,7 @@ from handsight.datasets.format.schema import (
 )
 from handsight.datasets.format.sessions import SessionInfo, read_sessions
 from handsight.datasets.reading.info import DatasetInfo, bytes_stored
-from handsight.datasets.records import GraspAttempt, Outcome, RgbdFrame, StationCard
+from handsight.datasets.records import GraspAttempt, Outcome, RgbdFrame, StationSpec
 from handsight.datasets.store.layout import check_current
 from handsight.datasets.store.repository import GraspRepository
 
@@ -177,8 +177,8 @@ class GraspDataset:
             raise SessionNotFoundError(f"{self._name} has no session {ulid!r} ({len(self._sessions)} sessions)")
         return self._sessions[ulid]
 
-    def station(self, key: str) -> StationCard:
-        """The station card of a session, named by its ULID or by an attempt of it.
+    def station(self, key: str) -> StationSpec:
+        """The station spec of a session, named by its ULID or by an attempt of it.
 
         Raises:
             SessionNotFoundError: There is no such session.

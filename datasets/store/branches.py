@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from handsight.datasets.address import DEFAULT_REF
 from handsight.datasets.errors import RefNameError, RefNotFoundError
-from handsight.datasets.store.icechunk_engine import engine_errors, sync_file_system
+from handsight.datasets.store.icechunk_engine import icechunk_errors, sync_file_system
 from handsight.datasets.store.refs import create_ref
 from handsight.datasets.store.releases import LEDGER_BRANCH, check_ref_name
 from handsight.datasets.store.repository import GraspRepository
@@ -22,8 +22,8 @@ def create_branch(repository: GraspRepository, name: str, ref: str = DEFAULT_REF
         if name in repository.releases() or name in repository.branches():
             raise RefNameError(f"{name!r} is taken in {repository.path}: choose another name for the branch")
         snapshot_id = repository.resolve(ref)
-        with engine_errors(f"cannot create branch {name!r} of {repository.path}"):
-            create_ref(repository.engine, repository.path, "branch", name, snapshot_id)
+        with icechunk_errors(f"cannot create branch {name!r} of {repository.path}"):
+            create_ref(repository.icechunk_repository, repository.path, "branch", name, snapshot_id)
     return snapshot_id
 
 
@@ -46,8 +46,8 @@ def delete_branch(repository: GraspRepository, name: str, *, force: bool = False
                 f"branch {name!r} of {repository.path} holds commits that no other branch or release leads to: "
                 f"release it first, or delete it by force"
             )
-        with engine_errors(f"cannot delete branch {name!r} of {repository.path}"):
-            repository.engine.delete_branch(name)
+        with icechunk_errors(f"cannot delete branch {name!r} of {repository.path}"):
+            repository.icechunk_repository.delete_branch(name)
         sync_file_system(repository.path)
     return branches[name]
 

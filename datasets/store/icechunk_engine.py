@@ -11,7 +11,7 @@ from typing import Any
 
 import icechunk
 
-from handsight.datasets.address import Place, S3Prefix
+from handsight.datasets.address import Location, S3Prefix
 from handsight.datasets.errors import StorageError, headline
 from handsight.datasets.store.refs import move_branch
 
@@ -20,17 +20,17 @@ _MANIFEST_CHUNKS = 1024
 commit grows with the length of the session."""
 
 
-def storage_at(place: Place) -> icechunk.Storage:
-    """Icechunk's view of a place; it creates a folder where there is none.
+def storage_at(location: Location) -> icechunk.Storage:
+    """Icechunk's view of a location; it creates a folder where there is none.
 
     A bucket is reached as other tools reach it: by ``AWS_ENDPOINT_URL``, ``AWS_REGION`` and the credentials that the
     environment or the machine provides.
     """
-    if isinstance(place, S3Prefix):
+    if isinstance(location, S3Prefix):
         endpoint = os.environ.get("AWS_ENDPOINT_URL_S3") or os.environ.get("AWS_ENDPOINT_URL") or None
         return icechunk.s3_storage(
-            bucket=place.bucket,
-            prefix=place.prefix,
+            bucket=location.bucket,
+            prefix=location.prefix,
             region=os.environ.get("AWS_REGION") or os.environ.get("AWS_DEFAULT_REGION") or "us-east-1",
             endpoint_url=endpoint,
             allow_http=endpoint is not None and endpoint.startswith("http://"),
@@ -40,10 +40,10 @@ def storage_at(place: Place) -> icechunk.Storage:
         )
     # It warns that local commits are unsafe; ours hold the dataset's lock.
     icechunk.set_logs_filter("warn,icechunk::storage::object_store=error")
-    return icechunk.local_filesystem_storage(str(place.resolve()))
+    return icechunk.local_filesystem_storage(str(location.resolve()))
 
 
-def engine_config() -> icechunk.RepositoryConfig:
+def icechunk_config() -> icechunk.RepositoryConfig:
     """The settings that every new dataset is created with and keeps."""
     splitting = icechunk.ManifestSplittingConfig.from_dict(
         {icechunk.ManifestSplitCondition.AnyArray(): {icechunk.ManifestSplitDimCondition.Axis(0): _MANIFEST_CHUNKS}}
@@ -54,7 +54,7 @@ def engine_config() -> icechunk.RepositoryConfig:
 
 
 @contextmanager
-def engine_errors(action: str) -> Iterator[None]:
+def icechunk_errors(action: str) -> Iterator[None]:
     """Turn failures of the engine into ``StorageError``; ``action`` says what was being done."""
     try:
         yield
@@ -118,7 +118,7 @@ def publish_shared(
             continue
 
 
-def sync_file_system(path: Place) -> None:
+def sync_file_system(path: Location) -> None:
     """Wait until everything written to the file system under ``path`` is on the disk.
 
     An object store acknowledges only what is durable, so there is nothing to wait for.

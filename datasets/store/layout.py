@@ -7,23 +7,23 @@ import uuid
 import icechunk
 import zarr
 
-from handsight.datasets.address import DEFAULT_REF, Place, S3Prefix
+from handsight.datasets.address import DEFAULT_REF, Location, S3Prefix
 from handsight.datasets.errors import DatasetExistsError, NotADatasetError, SchemaError
 from handsight.datasets.format.provenance import utc_now
 from handsight.datasets.format.schema import SCHEMA_VERSION, SESSIONS
-from handsight.datasets.store.icechunk_engine import engine_config, engine_errors, storage_at, sync_file_system
+from handsight.datasets.store.icechunk_engine import icechunk_config, icechunk_errors, storage_at, sync_file_system
 from handsight.datasets.store.releases import LEDGER_BRANCH
 
 
-def is_engine_folder(path: Place) -> bool:
+def is_icechunk_folder(path: Location) -> bool:
     """Whether an Icechunk store, ours or not, is there. Writes nothing."""
     # Icechunk creates the folder it is asked about, so it is asked only about folders that look like its own.
-    with engine_errors(f"cannot open {path}"):
+    with icechunk_errors(f"cannot open {path}"):
         looks_like_one = isinstance(path, S3Prefix) or (path / "refs").is_dir()
         return looks_like_one and icechunk.Repository.exists(storage_at(path))
 
 
-def refuse_occupied(path: Place) -> None:
+def refuse_occupied(path: Location) -> None:
     """Refuse a place where a new dataset cannot be made.
 
     Raises:
@@ -31,7 +31,7 @@ def refuse_occupied(path: Place) -> None:
         NotADatasetError: There is a file, or a folder with something else in it.
     """
     if isinstance(path, S3Prefix) or path.is_dir():
-        if is_engine_folder(path):
+        if is_icechunk_folder(path):
             raise DatasetExistsError(f"there is a dataset at {path} already: open it, or choose another path")
         if not isinstance(path, S3Prefix) and any(path.iterdir()):
             raise NotADatasetError(f"{path} is a folder with other files in it: choose a new or an empty folder")
@@ -39,9 +39,9 @@ def refuse_occupied(path: Place) -> None:
         raise NotADatasetError(f"{path} is a file, expected a new or an empty folder")
 
 
-def write_empty(path: Place) -> None:
+def write_empty(path: Location) -> None:
     """Make a dataset without attempts where there is nothing yet, and sync it to disk."""
-    repository = icechunk.Repository.create(storage_at(path), engine_config())
+    repository = icechunk.Repository.create(storage_at(path), icechunk_config())
     session = repository.writable_session(DEFAULT_REF)
     attributes = {"schema_version": SCHEMA_VERSION, "dataset_uuid": str(uuid.uuid4()), "created": utc_now()}
     zarr.create_group(session.store, attributes=attributes).create_group(SESSIONS)
@@ -50,7 +50,7 @@ def write_empty(path: Place) -> None:
     sync_file_system(path)
 
 
-def check_schema(path: Place, version: object) -> None:
+def check_schema(path: Location, version: object) -> None:
     """Refuse what this handsight cannot read; ``version`` is the root's ``schema_version``, None where it has none.
 
     Raises:
@@ -65,7 +65,7 @@ def check_schema(path: Place, version: object) -> None:
         )
 
 
-def check_current(path: Place, ref: str, root: zarr.Group) -> None:
+def check_current(path: Location, ref: str, root: zarr.Group) -> None:
     """Refuse a version of another schema than this handsight writes, older ones included; ``root`` is its root group.
 
     Raises:

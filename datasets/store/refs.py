@@ -19,7 +19,7 @@ from typing import Literal
 
 import icechunk
 
-from handsight.datasets.address import Place, S3Prefix
+from handsight.datasets.address import Location, S3Prefix
 from handsight.datasets.errors import RefNameError, StorageError
 
 _FILE = "ref.json"
@@ -42,7 +42,7 @@ def move_branch(path: Path, name: str, snapshot_id: str) -> None:
         _sync_folder(folder)
 
 
-def create_ref(repository: icechunk.Repository, path: Place, kind: Kind, name: str, snapshot_id: str) -> None:
+def create_ref(repository: icechunk.Repository, path: Location, kind: Kind, name: str, snapshot_id: str) -> None:
     """Make a branch or a tag that does not exist yet; durable when this returns.
 
     Raises:

@@ -15,7 +15,7 @@ import icechunk
 import zarr
 from filelock import FileLock, Timeout
 
-from handsight.datasets.address import DEFAULT_REF, Place, S3Prefix, cache_folder, place_of
+from handsight.datasets.address import DEFAULT_REF, Location, S3Prefix, cache_folder, location_of
 from handsight.datasets.errors import (
     CorruptDataError,
     DatasetBusyError,
@@ -27,13 +27,13 @@ from handsight.datasets.errors import (
     SessionConflictError,
 )
 from handsight.datasets.store.icechunk_engine import (
-    engine_errors,
+    icechunk_errors,
     publish,
     publish_shared,
     storage_at,
     sync_file_system,
 )
-from handsight.datasets.store.layout import check_schema, is_engine_folder, refuse_occupied, write_empty
+from handsight.datasets.store.layout import check_schema, is_icechunk_folder, refuse_occupied, write_empty
 from handsight.datasets.store.refs import create_ref
 from handsight.datasets.store.releases import (
     LEDGER_BRANCH,
@@ -73,16 +73,16 @@ class GraspRepository:
     child must open the dataset itself, in a process started by spawn or forkserver: Icechunk hangs after a fork.
     """
 
-    def __init__(self, path: Place, engine: icechunk.Repository) -> None:
+    def __init__(self, path: Location, opened: icechunk.Repository) -> None:
         self.path = path
-        self._engine = engine
+        self._icechunk = opened
         self._owner_pid = os.getpid()
         self._lock: FileLock | None = None
         if not isinstance(path, S3Prefix):
             self._lock = FileLock(path / SIDE_FOLDER / "commit.lock", timeout=_LOCK_TIMEOUT_S, poll_interval=0.005)
 
     @classmethod
-    def create(cls, path: str | Place) -> GraspRepository:
+    def create(cls, path: str | Location) -> GraspRepository:
         """Create an empty dataset, and the folders above it.
 
         A folder appears at once or not at all: it is made under another name beside its place and renamed.
@@ -91,16 +91,16 @@ class GraspRepository:
             DatasetExistsError: There is a dataset already.
             NotADatasetError: The path is a file or a folder with something else in it.
         """
-        path = place_of(path)
+        path = location_of(path)
         refuse_occupied(path)
         if isinstance(path, S3Prefix):
-            with engine_errors(f"cannot create a dataset at {path}"):
+            with icechunk_errors(f"cannot create a dataset at {path}"):
                 write_empty(path)
             return cls.open(path)
         path.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix=f".{path.name}.new-", dir=path.parent) as folder:
             fresh = Path(folder) / "dataset"
-            with engine_errors(f"cannot create a dataset at {path}"):
+            with icechunk_errors(f"cannot create a dataset at {path}"):
                 write_empty(fresh)
             try:
                 fresh.rename(path)
@@ -111,7 +111,7 @@ class GraspRepository:
         return cls.open(path)
 
     @classmethod
-    def open(cls, path: str | Place) -> GraspRepository:
+    def open(cls, path: str | Location) -> GraspRepository:
         """Open an existing dataset.
 
         Raises:
@@ -119,20 +119,20 @@ class GraspRepository:
             NotADatasetError: The path is a file or a folder that is no dataset.
             SchemaError: The dataset was written by a newer handsight.
         """
-        path = place_of(path)
-        if not path.exists() if isinstance(path, Path) else not is_engine_folder(path):
+        path = location_of(path)
+        if not path.exists() if isinstance(path, Path) else not is_icechunk_folder(path):
             raise DatasetNotFoundError(f"there is no dataset at {path}: create it with 'handsight dataset init {path}'")
-        if isinstance(path, Path) and not is_engine_folder(path):
+        if isinstance(path, Path) and not is_icechunk_folder(path):
             kind = "a folder that is no dataset" if path.is_dir() else "a file"
             raise NotADatasetError(f"{path} is {kind}, expected a dataset folder: check the path")
-        with engine_errors(f"cannot open {path}"):
+        with icechunk_errors(f"cannot open {path}"):
             repository = cls(path, icechunk.Repository.open(storage_at(path)))
             attributes = repository.root(repository.resolve(DEFAULT_REF)).attrs.asdict()
         check_schema(path, attributes.get("schema_version"))
         return repository
 
     @classmethod
-    def open_or_create(cls, path: str | Place) -> GraspRepository:
+    def open_or_create(cls, path: str | Location) -> GraspRepository:
         """Open the dataset, or create it where nothing is there."""
         try:
             return cls.open(path)
@@ -161,22 +161,22 @@ class GraspRepository:
         return self.path / SIDE_FOLDER
 
     @property
-    def engine(self) -> icechunk.Repository:
-        """The storage engine, for the modules of this room that look after branches and disk space."""
+    def icechunk_repository(self) -> icechunk.Repository:
+        """What Icechunk opened, for the modules of this room that look after branches and disk space."""
         self.check_process()
-        return self._engine
+        return self._icechunk
 
     def branches(self) -> dict[str, str]:
         """Snapshot id of each branch by name, sorted."""
         self.check_process()
-        with engine_errors(f"cannot list the branches of {self.path}"):
-            names = sorted(self._engine.list_branches() - {LEDGER_BRANCH})
-            return {name: self._engine.lookup_branch(name) for name in names}
+        with icechunk_errors(f"cannot list the branches of {self.path}"):
+            names = sorted(self._icechunk.list_branches() - {LEDGER_BRANCH})
+            return {name: self._icechunk.lookup_branch(name) for name in names}
 
     def releases(self) -> dict[str, Release]:
         """Releases by name, sorted."""
         tags = self._tags()
-        return read_ledger(self.root(self._engine.lookup_branch(LEDGER_BRANCH)), tags) if tags else {}
+        return read_ledger(self.root(self._icechunk.lookup_branch(LEDGER_BRANCH)), tags) if tags else {}
 
     def resolve(self, ref: str) -> str:
         """The snapshot id that a release, a branch or a snapshot id names, looked up in this order.
@@ -206,7 +206,7 @@ class GraspRepository:
                 raise RefNameError(f"{name!r} is taken in {self.path}: releases are immutable, choose another name")
             release = Release(name=name, snapshot_id=self.resolve(ref), message=message, released_at=datetime.now(UTC))
             self._record(release)
-            create_ref(self._engine, self.path, "tag", name, release.snapshot_id)
+            create_ref(self._icechunk, self.path, "tag", name, release.snapshot_id)
         return release
 
     def _record(self, release: Release) -> None:
@@ -230,7 +230,7 @@ class GraspRepository:
         refs: dict[str, list[str]] = {}
         for name, target in (*self._tags().items(), *self.branches().items()):
             refs.setdefault(target, []).append(name)
-        with engine_errors(f"cannot read the history of {self.path}"):
+        with icechunk_errors(f"cannot read the history of {self.path}"):
             return [
                 LogEntry(
                     snapshot_id=commit.id,
@@ -240,15 +240,15 @@ class GraspRepository:
                     session=commit.metadata.get("session"),
                     refs=tuple(refs.get(commit.id, ())),
                 )
-                for commit in self._engine.ancestry(snapshot_id=snapshot_id)
-                if commit.parent_id is not None  # The engine's own empty first snapshot.
+                for commit in self._icechunk.ancestry(snapshot_id=snapshot_id)
+                if commit.parent_id is not None  # Icechunk's own empty first snapshot.
             ]
 
     def root(self, snapshot_id: str) -> zarr.Group:
         """The root group of a snapshot, read-only."""
         self.check_process()
-        with engine_errors(f"cannot read snapshot {snapshot_id} of {self.path}"):
-            session = self._engine.readonly_session(snapshot_id=snapshot_id)
+        with icechunk_errors(f"cannot read snapshot {snapshot_id} of {self.path}"):
+            session = self._icechunk.readonly_session(snapshot_id=snapshot_id)
             try:
                 return zarr.open_group(session.store, mode="r")
             except FileNotFoundError as error:
@@ -263,10 +263,10 @@ class GraspRepository:
             RefNotFoundError: There is no such branch.
         """
         self.check_process()
-        if branch not in self._engine.list_branches():
+        if branch not in self._icechunk.list_branches():
             raise RefNotFoundError(f"{self.path} has no branch {branch!r} (branches: {', '.join(self.branches())})")
-        with engine_errors(f"cannot write to branch {branch!r} of {self.path}"):
-            return self._engine.writable_session(branch)
+        with icechunk_errors(f"cannot write to branch {branch!r} of {self.path}"):
+            return self._icechunk.writable_session(branch)
 
     def commit(
         self,
@@ -293,14 +293,14 @@ class GraspRepository:
                 check(self.root(tip))
 
         what: dict[str, Any] = {"branch": branch, "message": message, "metadata": metadata or {}}
-        with self.locked(), engine_errors(f"cannot commit to {self.path}"):
+        with self.locked(), icechunk_errors(f"cannot commit to {self.path}"):
             if not session.has_uncommitted_changes:
-                return self._engine.lookup_branch(branch)
+                return self._icechunk.lookup_branch(branch)
             try:
                 if isinstance(self.path, S3Prefix):
-                    return publish_shared(self._engine, session, check=check_tip, **what)
-                check_tip(self._engine.lookup_branch(branch))
-                return publish(self._engine, session, root=self.path, **what)
+                    return publish_shared(self._icechunk, session, check=check_tip, **what)
+                check_tip(self._icechunk.lookup_branch(branch))
+                return publish(self._icechunk, session, root=self.path, **what)
             except (icechunk.RebaseFailedError, icechunk.ConflictError) as error:
                 raise SessionConflictError(
                     f"another process has changed the same session of {self.path} on branch {branch!r}: "
@@ -332,7 +332,7 @@ class GraspRepository:
             self._lock.release()
 
     def check_process(self) -> None:
-        """Refuse to go on in a forked child, where the engine would hang.
+        """Refuse to go on in a forked child, where Icechunk would hang.
 
         Raises:
             ForkedProcessError: This process did not open the repository.
@@ -345,12 +345,12 @@ class GraspRepository:
 
     def _tags(self) -> dict[str, str]:
         self.check_process()
-        with engine_errors(f"cannot list the releases of {self.path}"):
-            return {name: self._engine.lookup_tag(name) for name in sorted(self._engine.list_tags())}
+        with icechunk_errors(f"cannot list the releases of {self.path}"):
+            return {name: self._icechunk.lookup_tag(name) for name in sorted(self._icechunk.list_tags())}
 
     def _has_snapshot(self, snapshot_id: str) -> bool:
         try:
-            self._engine.lookup_snapshot(snapshot_id)
+            self._icechunk.lookup_snapshot(snapshot_id)
         except icechunk.IcechunkError:
             return False
         return True

@@ -17,11 +17,11 @@ from handsight.datasets.format.arrays import (
     Layouts,
     append_rows,
     array_at,
-    end_with,
-    end_with_chunks,
     group_at,
     layouts_of,
     read_rows,
+    truncate_and_append,
+    truncate_and_append_chunks,
 )
 from handsight.datasets.format.digest import attempt_digest
 from handsight.datasets.format.frames import EncodedFrames, frame_paths
@@ -31,9 +31,9 @@ from handsight.datasets.format.schema import (
     COLUMNS,
     VIEWPOINTS,
     Viewpoint,
+    column_widths,
     create_array,
     create_arrays,
-    slots_of,
 )
 from handsight.datasets.format.validation import attempt_faults
 from handsight.datasets.records import GraspAttempt, RgbdFrame, SessionHeader
@@ -42,7 +42,7 @@ Columns = dict[str, NDArray[Any]]
 """The values of one attempt by the path of their array in the session's group: everything but the frames."""
 
 Write = Coroutine[Any, Any, None]
-"""One of the writes that :func:`~handsight.datasets.format.arrays.together` does."""
+"""One of the writes that :func:`~handsight.datasets.format.arrays.run_concurrently` does."""
 
 LastChunks = Mapping[str, NDArray[Any]]
 """The rows of the last, unfinished chunk of every column, by its path in the session's group."""
@@ -67,7 +67,7 @@ def prepare(attempt: GraspAttempt, header: SessionHeader, *, session: str, numbe
         faults.insert(0, f"number is {attempt.number}, expected {number}")
     if faults:
         raise RecordError(f"attempt {attempt.number} of session {session} is refused: {'; '.join(faults)}")
-    row = to_row(attempt, slots=slots_of(header))
+    row = to_row(attempt, widths=column_widths(header))
     row["digest"] = np.frombuffer(attempt_digest(attempt, header.station), dtype=np.uint8)
     frames = {viewpoint: frame_of(attempt, viewpoint) for viewpoint in VIEWPOINTS}
     columns = {f"attempts/{name}": value for name, value in row.items()}
@@ -103,14 +103,16 @@ def column_writes(
         # Whole chunks from memory: a partial write would first read the last chunk back, at twice the time.
         block = [row[path] for row in rows]
         whole = np.concatenate([last_chunks[path], block]) if stored > start else np.stack(block)
-        writes.append(end_with(array, start, whole))
+        writes.append(truncate_and_append(array, start, whole))
         finished[path] = whole[chunk_start(stop, array.chunks[0]) - start :]
     return writes, finished
 
 
 def frame_writes(arrays: Arrays, frames: Sequence[EncodedFrames], *, stored: int) -> list[Write]:
     """What appends the pictures of attempts, which :class:`FrameEncoder` has encoded for these arrays."""
-    return [end_with_chunks(arrays[path], stored, [one.get(path) for one in frames]) for path in frame_paths()]
+    return [
+        truncate_and_append_chunks(arrays[path], stored, [one.get(path) for one in frames]) for path in frame_paths()
+    ]
 
 
 def read_last_chunks(arrays: Arrays, *, stored: int) -> LastChunks:

@@ -8,7 +8,7 @@ import zarr
 
 from handsight.datasets.errors import SessionConflictError
 from handsight.datasets.reading.reader import GraspDataset
-from handsight.datasets.store.icechunk_engine import engine_errors
+from handsight.datasets.store.icechunk_engine import icechunk_errors
 from handsight.datasets.store.repository import GraspRepository
 
 _TRIES = 100
@@ -34,7 +34,7 @@ def change_branch(repository: GraspRepository, branch: str, change: Change) -> s
         while True:
             session = repository.writable(branch)
             dataset = GraspDataset(repository, ref=session.snapshot_id)
-            with engine_errors(f"cannot write to {repository.path}"):
+            with icechunk_errors(f"cannot write to {repository.path}"):
                 message = change(dataset, zarr.open_group(session.store, mode="r+"))
             if message is None:
                 return None

@@ -14,7 +14,15 @@ from handsight.datasets.errors import (
     SessionConflictError,
     SessionNotFoundError,
 )
-from handsight.datasets.format.arrays import Arrays, Layouts, array_at, arrays_with, group_at, layouts_of, together
+from handsight.datasets.format.arrays import (
+    Arrays,
+    Layouts,
+    array_at,
+    arrays_with,
+    group_at,
+    layouts_of,
+    run_concurrently,
+)
 from handsight.datasets.format.frames import EncodedFrames, FrameEncoder
 from handsight.datasets.format.schema import COLUMN_CHUNK_ROWS, SESSIONS, attempt_id, create_arrays, packed_rows
 from handsight.datasets.format.sessions import (
@@ -25,7 +33,7 @@ from handsight.datasets.format.sessions import (
 )
 from handsight.datasets.format.validation import header_faults
 from handsight.datasets.records import GraspAttempt, SessionHeader
-from handsight.datasets.store.icechunk_engine import engine_errors
+from handsight.datasets.store.icechunk_engine import icechunk_errors
 from handsight.datasets.store.layout import check_current
 from handsight.datasets.store.repository import GraspRepository
 from handsight.datasets.writing.blocks import (
@@ -174,17 +182,17 @@ class SessionWriter:
             verb = "seal" if attributes["status"] == "sealed" else "record"
             message = f"{verb} session {self.session}, {added} attempt{'' if added == 1 else 's'}"
         change = self.repository.writable(self.branch)
-        with engine_errors(f"cannot write to {self.repository.path}"):
+        with icechunk_errors(f"cannot write to {self.repository.path}"):
             group, arrays = self._open(zarr.open_group(change.store, mode="r+"))
             group.update_attributes(attributes)  # Even if they say the same, so that two writers collide.
             last_chunks = self._last_chunks
             if added:
                 writes, last_chunks = column_writes(arrays, self._rows, stored=self._stored, last_chunks=last_chunks)
-                together([*frame_writes(arrays, self._frames, stored=self._stored), *writes])
+                run_concurrently([*frame_writes(arrays, self._frames, stored=self._stored), *writes])
             if attributes["status"] == "sealed":
                 rechunk_columns(group, packed_rows("sealed", self.next_number))
         if not change.has_uncommitted_changes:
-            return change.snapshot_id  # Sealed again within the second: the engine refuses an empty commit.
+            return change.snapshot_id  # Sealed again within the second: Icechunk refuses an empty commit.
         snapshot_id = self.repository.commit(
             change,
             branch=self.branch,

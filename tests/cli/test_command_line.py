@@ -42,8 +42,8 @@ def test_the_demo_leaves_what_it_promises(demo_folder: Path) -> None:
         assert row["trials"] == 2
         low, high = row["ci95"]
         assert 0 <= low <= row["rate"] <= high <= 1
-    card = json.loads((demo_folder / "run" / "run.json").read_text())
-    assert card["origin"]["digest"] == GraspDataset.open(str(demo_folder / "grasps")).digest
+    record = json.loads((demo_folder / "run" / "run.json").read_text())
+    assert record["origin"]["digest"] == GraspDataset.open(str(demo_folder / "grasps")).digest
 
 
 def test_the_demo_again_does_nothing_twice(demo_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -118,7 +118,7 @@ def mistakes(out: Path) -> dict[str, tuple[list[str], str]]:
             ["collect", "sim", new, "--objects", "household-test", "--objects-per-scene", "11"],
             "has 10 objects",
         ),
-        "variety": (["collect", "sim", new, "--vary", "colours"], "vary is 'colours', expected some of: table"),
+        "randomization": (["collect", "sim", new, "--vary", "colours"], "vary is 'colours', expected some of: table"),
         "servo without a network": (["collect", "sim", new, "--policy", "servo"], "--model RUN"),
         "a network for chance": (["collect", "sim", new, "--model", model], "--model goes with --policy servo"),
         "a method that does not servo": (

@@ -10,7 +10,7 @@ import torch
 
 from handsight.collection.sim.config import SimConfig
 from handsight.collection.sim.station import SimStation, SimStationFactory
-from handsight.evaluation.evaluate import BenchFactory, EvaluationSettings, evaluate, record_trial
+from handsight.evaluation.evaluate import EvaluationSettings, TrialContextFactory, evaluate, record_trial
 from handsight.evaluation.trial import Trial, run_trial
 from handsight.servoing.homography import InputGrid
 from handsight.servoing.loop import ServoSettings
@@ -22,21 +22,21 @@ METHODS = ("random", "cem-1", "first-order")
 
 
 @pytest.fixture(scope="module")
-def factory(tmp_path_factory: pytest.TempPathFactory) -> BenchFactory:
+def factory(tmp_path_factory: pytest.TempPathFactory) -> TrialContextFactory:
     """An untrained network: what it prefers is arbitrary, that it is followed is what is tested."""
     run = tmp_path_factory.mktemp("evaluate") / "run"
     torch.manual_seed(0)
     origin = DataOrigin(dataset="none", ref="main", snapshot="", digest="", view="overhead", attempts=0)
     network = GraspQualityNetwork(GqnConfig())
     save_run(run, network, origin=origin, grid=InputGrid(), settings=TrainSettings(), history=())
-    return BenchFactory(open_station=SimStationFactory(config=SimConfig(objects="blocks-test")), run=run)
+    return TrialContextFactory(open_station=SimStationFactory(config=SimConfig(objects="blocks-test")), run=run)
 
 
 def comparable(trials: list[Trial]) -> list[Trial]:
     return [replace(trial, compute_s=0.0) for trial in trials]
 
 
-def test_results_do_not_depend_on_workers(factory: BenchFactory) -> None:
+def test_results_do_not_depend_on_workers(factory: TrialContextFactory) -> None:
     settings = EvaluationSettings(methods=METHODS, trials=3, workers=1, seed=4)
     alone = evaluate(factory, settings)
     together = evaluate(factory, replace(settings, workers=2))
@@ -45,7 +45,7 @@ def test_results_do_not_depend_on_workers(factory: BenchFactory) -> None:
     assert all(trial.moves > 0 for trial in alone if trial.method != "random")
 
 
-def test_methods_begin_alike(factory: BenchFactory) -> None:
+def test_methods_begin_alike(factory: TrialContextFactory) -> None:
     """Same scene, same overhead picture, same first view: only the method differs."""
     recordings = [record_trial(factory, name, 0, seed=4, servo=ServoSettings()) for name in ("cem-1", "first-order")]
     first, second = recordings

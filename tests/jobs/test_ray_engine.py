@@ -28,7 +28,7 @@ from handsight.datasets.records import GraspAttempt, SceneObjects
 from handsight.jobs import ray_engine as engine_file
 from handsight.jobs.engine import Engine
 from handsight.jobs.errors import EngineError
-from handsight.jobs.ordered import answers_in_order
+from handsight.jobs.ordered import map_ordered
 from handsight.jobs.ray_engine import ray_engine
 
 FACTORY = SimStationFactory(config=SimConfig())
@@ -53,9 +53,9 @@ class SeenStation(SimStation):
         self._mine = factory.seen / ray.get_runtime_context().get_node_id() / str(os.getpid())
         self._mine.mkdir(parents=True)
 
-    def prepare(self, rng: np.random.Generator) -> SceneObjects:
+    def reset(self, rng: np.random.Generator) -> SceneObjects:
         (self._mine / str(len(list(self._mine.iterdir())))).touch()
-        return super().prepare(rng)
+        return super().reset(rng)
 
 
 @pytest.fixture(scope="module")
@@ -127,32 +127,32 @@ def test_a_killed_actor_is_replaced_and_nobody_can_tell(local: GraspDataset, eng
 
 def test_answers_are_the_callers_own(engine: Engine) -> None:
     """Not views of Ray's shared memory, which would fill up with what the caller keeps."""
-    (answer,) = answers_in_order(Bench, zeros, [10**6], workers=1, engine=engine)
+    (answer,) = map_ordered(Context, zeros, [10**6], workers=1, engine=engine)
     assert answer.flags.writeable
 
 
-class Bench:
+class Context:
     def close(self) -> None:
         """Nothing to let go of."""
 
 
-def zeros(bench: Bench, task: int) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+def zeros(context: Context, task: int) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
     return np.zeros(task)
 
 
 def test_a_bench_that_cannot_be_opened_is_that_error(engine: Engine, tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError, match="missing"):
-        next(answers_in_order(partial(open, tmp_path / "missing"), read, range(3), workers=2, engine=engine))
+        next(map_ordered(partial(open, tmp_path / "missing"), read, range(3), workers=2, engine=engine))
 
 
-def read(bench: IO[str], task: int) -> str:
-    return bench.read(task)
+def read(context: IO[str], task: int) -> str:
+    return context.read(task)
 
 
 def test_another_version_on_the_cluster_is_refused(engine: Engine, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(engine_file, "__version__", "0.0.1")
     with pytest.raises(EngineError, match=r"expected 0\.0\.1 as here: install the same"):
-        next(answers_in_order(Bench, zeros, [1], workers=1, engine=engine))
+        next(map_ordered(Context, zeros, [1], workers=1, engine=engine))
 
 
 def test_more_workers_than_the_cluster_has_cpus_are_refused(head: str) -> None:

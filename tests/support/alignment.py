@@ -44,7 +44,7 @@ def write_textured_square(folder: Path, half_m: float = 0.5) -> Path:
 
 
 def look(
-    engine: BulletClient,
+    bullet: BulletClient,
     camera: HandCamera,
     pose: PlanarPose,
     *,
@@ -53,7 +53,7 @@ def look(
 ) -> PreparedView:
     """What the camera sees from a pose, every pixel of it."""
     pose_base_camera = camera_pose(camera, pose.pose_base_tool(height_m))
-    rgb, depth_m = render_objects(engine, camera.intrinsics, pose_base_camera, renderer=renderer)
+    rgb, depth_m = render_objects(bullet, camera.intrinsics, pose_base_camera, renderer=renderer)
     view = View(rgb=rgb, depth_m=depth_m.astype(np.float32), camera=camera)
     return PreparedView.from_view(view, pixels_per_cell=1)
 

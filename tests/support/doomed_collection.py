@@ -42,7 +42,7 @@ class DoomedStation(SimStation):
         super().__init__(factory.config)
         self._factory = factory
 
-    def prepare(self, rng: np.random.Generator) -> SceneObjects:
+    def reset(self, rng: np.random.Generator) -> SceneObjects:
         """Ready a scene, or die."""
         seed = rng.bit_generator.seed_seq
         assert isinstance(seed, np.random.SeedSequence)
@@ -51,7 +51,7 @@ class DoomedStation(SimStation):
         if number == DOOMED and died < self._factory.deaths:
             (self._factory.marks / str(died)).touch()
             os.kill(os.getpid(), signal.SIGKILL)
-        return super().prepare(rng)
+        return super().reset(rng)
 
 
 def main(dataset: str, marks: str, deaths: str) -> None:

@@ -24,7 +24,7 @@ from handsight.datasets import (
     SceneObjects,
     SessionHeader,
     SessionWriter,
-    StationCard,
+    StationSpec,
 )
 from handsight.servoing.camera import HandCamera, Intrinsics
 
@@ -32,7 +32,7 @@ OBJECTS = ("apple", "bolt", "cup", "duck", "egg")
 CLOSED_WIDTH_M = 0.002
 
 
-def make_station(*, width: int = 8, height: int = 6, **changes: Any) -> StationCard:
+def make_station(*, width: int = 8, height: int = 6, **changes: Any) -> StationSpec:
     camera = HandCamera(
         intrinsics=Intrinsics.from_vertical_fov(width=width, height=height, fov_y_rad=0.73),
         x_tool_camera_m=0.001,
@@ -49,7 +49,7 @@ def make_station(*, width: int = 8, height: int = 6, **changes: Any) -> StationC
         "conditions": ("table_friction", "light_ambient"),
         "serials": {"camera": "D435-1"},
     }
-    return StationCard(**{**values, **changes})
+    return StationSpec(**{**values, **changes})
 
 
 def make_header(*, seed: int | None = 1, objects_per_scene: int = 3, **station: Any) -> SessionHeader:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from handsight.datasets import SessionHeader, StationCard
+from handsight.datasets import SessionHeader, StationSpec
 from handsight.servoing.camera import HandCamera, Intrinsics
 
 
@@ -14,7 +14,7 @@ def small_header(*, source: str, seed: int | None) -> SessionHeader:
         y_tool_camera_m=0.0,
         z_tool_camera_m=-0.1,
     )
-    station = StationCard(
+    station = StationSpec(
         source=source, camera=camera, depth_scale_m=0.001, gripper_stroke_m=0.085, closed_width_m=0.002
     )
     return SessionHeader(station=station, seed=seed, objects_per_scene=0, config={})

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from handsight.datasets.store import icechunk_engine as engine
+from handsight.datasets.store import icechunk_engine
 
 State = tuple[int, int, int]
 """A file at some time: its inode, its last change, its size."""
@@ -35,7 +35,7 @@ class VolatileDisk:
 
     def follow(self, monkeypatch: pytest.MonkeyPatch, at_sync: Callable[[], None]) -> None:
         """From now on learn of every sync of this process; ``at_sync`` is called just before each."""
-        sync_one, sync_all = os.fsync, engine.sync_file_system
+        sync_one, sync_all = os.fsync, icechunk_engine.sync_file_system
 
         def fsync(descriptor: int) -> None:
             at_sync()

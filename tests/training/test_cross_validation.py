@@ -14,7 +14,7 @@ from handsight.datasets.inputs.materialize import GraspInputs
 from handsight.training.cross_validation import check_folds, out_of_fold_scores
 from handsight.training.errors import TrainingDataError
 from handsight.training.metrics import Metrics, evaluate_scores
-from handsight.training.trainer import Epoch, predict_mirrored, train
+from handsight.training.trainer import Epoch, predict_with_flips, train
 
 QUICK = replace(SMALL, epochs=1)
 DATA = drawn_inputs(60, seed=0)
@@ -54,7 +54,7 @@ def test_scores_are_those_of_a_network_that_never_held_the_fold() -> None:
         others = np.not_equal(THIRDS, fold)
         alone = GraspInputs(inputs=DATA.inputs[others], attempts=DATA.attempts[others])
         network, _ = train(alone, replace(QUICK, holdout=0))
-        expected = predict_mirrored(network, DATA.inputs, torch.from_numpy(np.flatnonzero(~others)))
+        expected = predict_with_flips(network, DATA.inputs, torch.from_numpy(np.flatnonzero(~others)))
         np.testing.assert_array_equal(scores[~others], expected)
 
 

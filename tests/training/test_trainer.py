@@ -14,8 +14,8 @@ from tests.support.drawn import SMALL, drawn_inputs
 from handsight.datasets.inputs.materialize import GraspInputs
 from handsight.servoing.homography import InputGrid
 from handsight.training.errors import CheckpointError, TrainerSettingsError, TrainingDataError
-from handsight.training.run import CARD, WEIGHTS, DataOrigin, load_run, load_scorer, save_run
-from handsight.training.trainer import TrainSettings, predict, predict_mirrored, train
+from handsight.training.run import RUN_RECORD, WEIGHTS, DataOrigin, load_run, load_scorer, save_run
+from handsight.training.trainer import TrainSettings, predict, predict_with_flips, train
 
 
 def test_training_learns_the_rule_and_it_carries_over() -> None:
@@ -47,7 +47,7 @@ def test_mirrored_scores_are_the_mean_over_the_mirrorings_of_each_input() -> Non
     rows = torch.tensor([3, 40, 8])
     turned = [data.inputs[rows.numpy()][..., ::down, ::across] for down in (1, -1) for across in (1, -1)]
     expected = np.mean([predict(network, inputs.copy(), torch.arange(3)) for inputs in turned], axis=0)
-    np.testing.assert_allclose(predict_mirrored(network, data.inputs, rows), expected, atol=1e-6)
+    np.testing.assert_allclose(predict_with_flips(network, data.inputs, rows), expected, atol=1e-6)
 
 
 def test_one_class_alone_teaches_nothing() -> None:
@@ -96,16 +96,16 @@ def test_folders_that_hold_no_run_are_refused(run_folder: Path, tmp_path: Path) 
         load_run(tmp_path / "nothing")
     with pytest.raises(CheckpointError, match="holds no finished run"):
         load_run(tmp_path)
-    card = json.loads((run_folder / CARD).read_text())
-    (run_folder / CARD).write_text(json.dumps({**card, "run_version": 99}))
+    record = json.loads((run_folder / RUN_RECORD).read_text())
+    (run_folder / RUN_RECORD).write_text(json.dumps({**record, "run_version": 99}))
     with pytest.raises(CheckpointError, match="newer handsight"):
         load_run(run_folder)
 
 
-@pytest.mark.parametrize("damage", ["card", "weights", "missing weights"])
+@pytest.mark.parametrize("damage", ["record", "weights", "missing weights"])
 def test_damaged_runs_say_so(run_folder: Path, damage: str) -> None:
-    if damage == "card":
-        (run_folder / CARD).write_text("{")
+    if damage == "record":
+        (run_folder / RUN_RECORD).write_text("{")
     elif damage == "weights":
         (run_folder / WEIGHTS).write_bytes(b"\0" * 40)
     else:

@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.gridspec import GridSpec
 
-from handsight.datasets.records import GraspAttempt, RgbdFrame, StationCard
+from handsight.datasets.records import GraspAttempt, RgbdFrame, StationSpec
 from handsight.datasets.views import station_view
 from handsight.servoing.planar import PlanarPose
 from handsight.viz import palette
@@ -34,7 +34,7 @@ NAMES: Final = ("overhead", "pre-grasp")
 UNMEASURED: Final = "#9aa1aa"
 
 
-def attempt_figure(path: Path, name: str, attempt: GraspAttempt, station: StationCard, *, success: bool | None) -> Path:
+def attempt_figure(path: Path, name: str, attempt: GraspAttempt, station: StationSpec, *, success: bool | None) -> Path:
     """Draw the pictures of an attempt beside their depth, with the open jaws where the grasp was to be.
 
     Depth is drawn as height above the table top, so that both views have one scale; what was not measured is grey.
@@ -72,7 +72,7 @@ def attempt_figure(path: Path, name: str, attempt: GraspAttempt, station: Statio
         return save_png(figure, path)
 
 
-def _sheet(rows: int, station: StationCard) -> tuple[Figure, GridSpec]:
+def _sheet(rows: int, station: StationSpec) -> tuple[Figure, GridSpec]:
     """A figure with a place for two pictures in each row, of exactly their shape."""
     k = station.camera.intrinsics
     cell_px = (WIDTH_PX - LEFT_PX - RIGHT_PX - GAP_PX) / 2
@@ -91,12 +91,12 @@ def _sheet(rows: int, station: StationCard) -> tuple[Figure, GridSpec]:
     return Figure(figsize=(WIDTH_PX / DPI, height_px / DPI), dpi=DPI, facecolor="white"), grid
 
 
-def _table_m(frame: RgbdFrame, station: StationCard) -> float:
+def _table_m(frame: RgbdFrame, station: StationSpec) -> float:
     """Distance of the table top from the camera [m]."""
     return float(frame.pose_base_tool[2, 3]) - station.camera.z_tool_camera_m
 
 
-def _draw_heights(axes: Axes, frame: RgbdFrame, station: StationCard) -> AxesImage:
+def _draw_heights(axes: Axes, frame: RgbdFrame, station: StationSpec) -> AxesImage:
     view = station_view(frame, station)
     axes.set_facecolor(UNMEASURED)
     height_m = np.where(view.valid, _table_m(frame, station) - view.depth_m, np.nan)
@@ -111,7 +111,7 @@ def _draw_heights(axes: Axes, frame: RgbdFrame, station: StationCard) -> AxesIma
 
 
 def _draw_grasp(
-    axes: Axes, attempt: GraspAttempt, frame: RgbdFrame, station: StationCard, *, success: bool | None
+    axes: Axes, attempt: GraspAttempt, frame: RgbdFrame, station: StationSpec, *, success: bool | None
 ) -> None:
     """The open jaws at the pre-grasp pose, if one was chosen, in the colour of the label."""
     goal = PlanarPose(x_m=attempt.pregrasp_x_m, y_m=attempt.pregrasp_y_m, angle_rad=attempt.pregrasp_angle_rad)

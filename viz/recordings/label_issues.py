@@ -19,7 +19,7 @@ import rerun.blueprint as rrb
 
 from handsight.viz import palette
 from handsight.viz.errors import RecordingError
-from handsight.viz.examples import SuspectExample
+from handsight.viz.examples import LabelIssueExample
 from handsight.viz.pixels import PictureFrame
 from handsight.viz.recordings.encoding import DEPTH_UNIT_M, depth_png, height_image, jpeg, png
 from handsight.viz.recordings.glyphs import log_jaws, log_label
@@ -32,7 +32,7 @@ JAWS_MARGIN_PX = 12.0
 """Raw pixels shown around jaws that reach over the edge of a picture."""
 
 
-def write_suspects(path: Path, examples: Sequence[SuspectExample]) -> None:
+def write_label_issues(path: Path, examples: Sequence[LabelIssueExample]) -> None:
     """Write doubted attempts, most doubted first, as a self-contained ``.rrd`` with its layout.
 
     Raises:
@@ -47,7 +47,7 @@ def write_suspects(path: Path, examples: Sequence[SuspectExample]) -> None:
             stream.log("text/suspect", _document(_text(example, f"{number + 1} of {len(examples)}")))
 
 
-def _check(examples: Sequence[SuspectExample]) -> None:
+def _check(examples: Sequence[LabelIssueExample]) -> None:
     faults = [] if examples else ["there are no suspects, expected at least one"]
     for example in examples:
         shape = example.inputs.shape
@@ -57,7 +57,7 @@ def _check(examples: Sequence[SuspectExample]) -> None:
         raise RecordingError("; ".join(faults))
 
 
-def _log_pictures(stream: rr.RecordingStream, example: SuspectExample) -> None:
+def _log_pictures(stream: rr.RecordingStream, example: LabelIssueExample) -> None:
     view, suspect = example.view, example.suspect
     frame = PictureFrame(camera=view.camera, plane_m=view.plane_m)
     stream.log("picture/rgb", jpeg(view.rgb))
@@ -72,7 +72,7 @@ def _log_pictures(stream: rr.RecordingStream, example: SuspectExample) -> None:
     stream.log("input/height", height_image(inputs[3], top_m=palette.TALLEST_M))
 
 
-def _text(example: SuspectExample, position: str) -> str:
+def _text(example: LabelIssueExample, position: str) -> str:
     suspect = example.suspect
     widths = " → ".join("—" if np.isnan(width_m) else f"{1e3 * width_m:.1f}" for width_m in example.widths_m)
     rows = [
@@ -94,7 +94,7 @@ def _text(example: SuspectExample, position: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _overview(examples: Sequence[SuspectExample]) -> str:
+def _overview(examples: Sequence[LabelIssueExample]) -> str:
     lines = ["| step | attempt | label | S | doubt | simulator |", "|--:|:--|:--|--:|--:|:--|"]
     for number, example in enumerate(examples):
         one = example.suspect
@@ -107,7 +107,7 @@ def _document(text: str) -> rr.TextDocument:
     return rr.TextDocument(text, media_type="text/markdown")
 
 
-def shown_bounds(examples: Sequence[SuspectExample]) -> rrb.VisualBounds2D:
+def shown_bounds(examples: Sequence[LabelIssueExample]) -> rrb.VisualBounds2D:
     """All of the pictures, and all of the jaws where a grasp was attempted beside its picture."""
     frames = [PictureFrame(camera=one.view.camera, plane_m=one.view.plane_m) for one in examples]
     jaws = [frame.jaws(one.grasp, one.jaws_m) for frame, one in zip(frames, examples, strict=True)]
@@ -118,7 +118,7 @@ def shown_bounds(examples: Sequence[SuspectExample]) -> rrb.VisualBounds2D:
     return rrb.VisualBounds2D(x_range=(left_px, right_px), y_range=(top_px, bottom_px))
 
 
-def _blueprint(examples: Sequence[SuspectExample]) -> rrb.Blueprint:
+def _blueprint(examples: Sequence[LabelIssueExample]) -> rrb.Blueprint:
     bounds = shown_bounds(examples)
 
     def picture(name: str, hidden: str) -> rrb.Spatial2DView:

@@ -14,7 +14,7 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from handsight.datasets.records import RgbdFrame, SceneObjects, StationCard
+from handsight.datasets.records import RgbdFrame, SceneObjects, StationSpec
 from handsight.servoing.camera import HandCamera
 from handsight.viz import palette
 
@@ -52,14 +52,14 @@ def pose_base_camera(camera: HandCamera, pose_base_tool: NDArray[np.float64]) ->
     return pose
 
 
-def back_project(frame: RgbdFrame, card: StationCard, *, stride_px: int = STRIDE_PX) -> HeightField:
+def back_project(frame: RgbdFrame, spec: StationSpec, *, stride_px: int = STRIDE_PX) -> HeightField:
     """Lift every ``stride_px``-th pixel of a picture into the base frame."""
-    k = card.camera.intrinsics
+    k = spec.camera.intrinsics
     depth = frame.depth[::stride_px, ::stride_px]
-    depth_m = depth.astype(np.float64) * card.depth_scale_m
+    depth_m = depth.astype(np.float64) * spec.depth_scale_m
     row, column = np.mgrid[0 : k.height : stride_px, 0 : k.width : stride_px]
     rays = np.stack([(column - k.cx) / k.fx, (row - k.cy) / k.fy, np.ones(row.shape)], axis=-1)  # (R, C, 3)
-    pose = pose_base_camera(card.camera, frame.pose_base_tool)
+    pose = pose_base_camera(spec.camera, frame.pose_base_tool)
     points_m = (rays * depth_m[..., None]) @ pose[:3, :3].T + pose[:3, 3]
     return HeightField(points_m=points_m.astype(np.float32), rgb=frame.rgb[::stride_px, ::stride_px], valid=depth > 0)
 
@@ -112,10 +112,10 @@ def table_colour(field: HeightField) -> palette.Rgb:
 
 
 def log_scene(
-    recording: rr.RecordingStream, overhead: RgbdFrame, card: StationCard, scene: SceneObjects | None
+    recording: rr.RecordingStream, overhead: RgbdFrame, spec: StationSpec, scene: SceneObjects | None
 ) -> None:
     """Log table and objects, for all time."""
-    field = back_project(overhead, card)
+    field = back_project(overhead, spec)
     x_m, y_m = overhead.pose_base_tool[:2, 3]
     recording.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     recording.log(
@@ -132,10 +132,10 @@ def log_scene(
     if mesh is not None:
         recording.log("world/objects/seen", mesh, static=True)
     if scene is not None:
-        _log_pins(recording, card, scene)
+        _log_pins(recording, spec, scene)
 
 
-def _log_pins(recording: rr.RecordingStream, card: StationCard, scene: SceneObjects) -> None:
+def _log_pins(recording: rr.RecordingStream, spec: StationSpec, scene: SceneObjects) -> None:
     centres_m = scene.pose_base_object[:, :3]
     tops_m = np.column_stack([centres_m[:, :2], np.full(len(centres_m), PIN_TOP_M)])
     recording.log(
@@ -149,7 +149,7 @@ def _log_pins(recording: rr.RecordingStream, card: StationCard, scene: SceneObje
             tops_m,
             colors=[palette.HERE],
             radii=[3 * PIN_RADIUS_M],
-            labels=[card.objects[index] for index in scene.catalogue_index.tolist()],
+            labels=[spec.objects[index] for index in scene.catalogue_index.tolist()],
             show_labels=False,
         ),
         static=True,

@@ -150,12 +150,12 @@ def _mm_deg(proposal: Proposal) -> tuple[float, float, float]:
 
 
 def _log_once(stream: rr.RecordingStream, recording: TrialRecording) -> None:
-    trial, trace, card = recording.trial, recording.trace, recording.station
-    log_scene(stream, recording.overhead, card, recording.scene)
-    camera, k = card.camera, card.camera.intrinsics
+    trial, trace, spec = recording.trial, recording.trace, recording.station
+    log_scene(stream, recording.overhead, spec, recording.scene)
+    camera, k = spec.camera, spec.camera.intrinsics
     offset_m = (camera.x_tool_camera_m, camera.y_tool_camera_m, camera.z_tool_camera_m)
     stream.log("world/tool", rr.TransformAxes3D(0.06), static=True)
-    stream.log("world/tool/gripper", gripper_boxes(card.gripper_stroke_m), static=True)
+    stream.log("world/tool/gripper", gripper_boxes(spec.gripper_stroke_m), static=True)
     stream.log(CAMERA, rr.Transform3D(translation=offset_m), static=True)
     stream.log(
         CAMERA,
@@ -263,7 +263,7 @@ def _log_plots(stream: rr.RecordingStream, trace: ServoTrace, step: ServoStep) -
 
 def _log_grasp(stream: rr.RecordingStream, recording: TrialRecording) -> None:
     """On the last step: the executed grasp over the picture and, at table height, in the scene."""
-    trace, card = recording.trace, recording.station
+    trace, spec = recording.trace, recording.station
     last = trace.steps[-1]
     frame = PictureFrame(camera=last.view.camera, plane_m=last.view.plane_m)
     planar = last.pose.step_to(trace.grasp_pose)
@@ -273,11 +273,11 @@ def _log_grasp(stream: rr.RecordingStream, recording: TrialRecording) -> None:
         log_arrow(stream, f"{CAMERA}/arrow", frame, grasp, colour=colour)
     else:
         stream.log(f"{CAMERA}/jaws/here", rr.Clear(recursive=True))
-    log_jaws(stream, f"{CAMERA}/jaws/grasp", frame, grasp, width_m=card.gripper_stroke_m, colour=colour)
+    log_jaws(stream, f"{CAMERA}/jaws/grasp", frame, grasp, width_m=spec.gripper_stroke_m, colour=colour)
     text = f"{outcome(recording)} · S {trace.grasp_score:.2f}"
-    log_label(stream, f"{CAMERA}/text", frame, [grasp], text, width_m=card.gripper_stroke_m)
+    log_label(stream, f"{CAMERA}/text", frame, [grasp], text, width_m=spec.gripper_stroke_m)
     pose = trace.grasp_pose.pose_base_tool(0.0)
     start_m = trace.grasp_pose.pose_base_tool(recording.station.pregrasp_height_m)[:3, 3]
     stream.log("world/grasp/jaws", rr.Transform3D(translation=pose[:3, 3], mat3x3=pose[:3, :3]))
-    stream.log("world/grasp/jaws", gripper_boxes(card.gripper_stroke_m, colour=colour))
+    stream.log("world/grasp/jaws", gripper_boxes(spec.gripper_stroke_m, colour=colour))
     stream.log("world/grasp/descent", rr.LineStrips3D([[start_m, pose[:3, 3]]], colors=[colour], radii=[0.002]))

@@ -24,28 +24,28 @@ _MARGIN_PX = 10
 
 def contact_sheet(models: Sequence[ObjectModel], *, columns: int = 10) -> NDArray[np.uint8]:
     """Every object in the pose in which it is usually kept, filling its tile, with its name. RGB, shape (H, W, 3)."""
-    engine = connect()
+    bullet = connect()
     try:
-        tiles = [_named(_portrait(engine, model), model.object_id.split("/")[-1]) for model in models]
+        tiles = [_named(_portrait(bullet, model), model.object_id.split("/")[-1]) for model in models]
     finally:
-        engine.disconnect()
+        bullet.disconnect()
     blank = np.full((TILE_PX, TILE_PX, 3), 255, np.uint8)
     tiles += [blank] * (-len(tiles) % columns)
     rows = [np.hstack(tiles[first : first + columns]) for first in range(0, len(tiles), columns)]
     return np.vstack(rows)
 
 
-def _portrait(engine: BulletClient, model: ObjectModel) -> NDArray[np.uint8]:
+def _portrait(bullet: BulletClient, model: ObjectModel) -> NDArray[np.uint8]:
     """One object on white. Shape (TILE_PX, TILE_PX, 3)."""
-    engine.resetSimulation()
-    body = engine.loadURDF(str(model.urdf), globalScaling=model.scale)
-    low, high = np.array(engine.getAABB(body))
+    bullet.resetSimulation()
+    body = bullet.loadURDF(str(model.urdf), globalScaling=model.scale)
+    low, high = np.array(bullet.getAABB(body))
     distance_m = 0.5 * float(np.linalg.norm(high - low)) / math.sin(math.radians(0.5 * _FOV_DEG))
     target = (0.5 * (low + high)).tolist()
-    view = engine.computeViewMatrixFromYawPitchRoll(target, distance_m, _YAW_DEG, _PITCH_DEG, 0, 2)
-    lens = engine.computeProjectionMatrixFOV(_FOV_DEG, 1.0, 0.01, 2 * distance_m)
+    view = bullet.computeViewMatrixFromYawPitchRoll(target, distance_m, _YAW_DEG, _PITCH_DEG, 0, 2)
+    lens = bullet.computeProjectionMatrixFOV(_FOV_DEG, 1.0, 0.01, 2 * distance_m)
     size = (TILE_PX - 2 * _MARGIN_PX) * _OVERSAMPLING
-    picture = engine.getCameraImage(
+    picture = bullet.getCameraImage(
         size, size, view, lens, shadow=0, lightDirection=_LIGHT, renderer=pybullet.ER_TINY_RENDERER
     )
     rgb = np.reshape(picture[2], (size, size, 4))[:, :, :3].astype(np.uint8)

@@ -35,10 +35,3 @@ run only when asked for. The network's statistics are computed from what is trai
 be stale; folds carry a digest of the attempts and labels they divide (GD-402). A version of an older schema is refused
 with the command that migrates it.
 """
-
-from __future__ import annotations
-
-from handsight.datasets.integrity.doctor.examine import Diagnosis, doctor
-from handsight.datasets.integrity.doctor.findings import Finding, Severity
-
-__all__ = ["Diagnosis", "Finding", "Severity", "doctor"]

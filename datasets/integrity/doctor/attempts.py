@@ -11,7 +11,7 @@ import pandas as pd
 from handsight.datasets.format.arrays import array_at, read_rows
 from handsight.datasets.format.schema import SESSIONS
 from handsight.datasets.format.sessions import SessionInfo
-from handsight.datasets.integrity.doctor.findings import Finding, about
+from handsight.datasets.integrity.doctor.findings import Finding, attempt_finding
 from handsight.datasets.reading.reader import GraspDataset
 from handsight.datasets.records import PHASES
 
@@ -42,20 +42,20 @@ def _value_findings(rows: pd.DataFrame) -> Iterator[Finding]:
     labelled = rows[rows["recorded_success"].notna()]
     missing = ~np.isfinite(labelled[[*_POSE, "width_final_m"]].to_numpy()).all(axis=1)
     infinite = np.isinf(rows.select_dtypes("float64").to_numpy()).any(axis=1)
-    yield from about(
+    yield from attempt_finding(
         "GD-201",
         "error",
         sorted({*labelled.index[missing], *rows.index[infinite]}),
         "{n} attempts lack a finite grasp pose or final opening, or hold an infinite value",
     )
-    yield from about(
+    yield from attempt_finding(
         "GD-204",
         "warning",
         rows.index[rows["pregrasp_angle_rad"].abs() > math.pi + 1e-9],
         "{n} attempts have a grasp angle beyond ±π rad: degrees, or an angle that was never wrapped",
     )
     phases = rows[[f"{name}_s" for name in PHASES]]
-    yield from about(
+    yield from attempt_finding(
         "GD-205",
         "warning",
         rows.index[(phases < 0).any(axis=1) | (rows["elapsed_s"] < 0)],
@@ -67,7 +67,7 @@ def _gripper_findings(session: SessionInfo, rows: pd.DataFrame) -> Iterator[Find
     station = session.header.station
     widths = rows[_WIDTHS]
     outside = (widths < -_WIDTH_TOLERANCE_M) | (widths > station.gripper_stroke_m + _WIDTH_TOLERANCE_M)
-    yield from about(
+    yield from attempt_finding(
         "GD-202",
         "error",
         rows.index[outside.any(axis=1)],
@@ -75,7 +75,7 @@ def _gripper_findings(session: SessionInfo, rows: pd.DataFrame) -> Iterator[Find
     )
     labelled = rows[rows["recorded_success"].notna() & rows["width_final_m"].notna()]
     held = labelled["width_final_m"] > station.closed_width_m
-    yield from about(
+    yield from attempt_finding(
         "GD-206",
         "error",
         labelled.index[held.to_numpy() != labelled["recorded_success"].to_numpy(dtype=bool)],
@@ -98,7 +98,7 @@ def _crop_findings(dataset: GraspDataset, session: SessionInfo, rows: pd.DataFra
     u = lens.fx * in_camera[:, 0] / depth + lens.cx
     v = lens.fy * in_camera[:, 1] / depth + lens.cy
     inside = (u >= 0) & (u <= lens.width - 1) & (v >= 0) & (v <= lens.height - 1)
-    yield from about(
+    yield from attempt_finding(
         "GD-203",
         "note",
         rows.index[~inside],
@@ -114,7 +114,7 @@ def _clock_findings(session: SessionInfo, rows: pd.DataFrame) -> Iterator[Findin
     ended = started + pd.to_timedelta(rows["elapsed_s"] - _TIMING_SLACK_S, unit="s")
     phases = rows[[f"{name}_s" for name in PHASES]].sum(axis=1)
     early = (started < ended.shift()) | (phases > rows["elapsed_s"] + _TIMING_SLACK_S)
-    yield from about(
+    yield from attempt_finding(
         "GD-205",
         "warning",
         rows.index[early],
@@ -127,6 +127,6 @@ def _truth_findings(rows: pd.DataFrame) -> Iterator[Finding]:
     wrong = known.index[(known["success"] != known["truth_held"]).astype(bool)]
     if len(wrong) > _TRUTH_DISAGREEMENT * len(known):
         share = len(wrong) / len(known)
-        yield from about(
+        yield from attempt_finding(
             "GD-207", "warning", wrong, f"{{n}} labels ({share:.1%}) are not what the simulator knows to be true"
         )

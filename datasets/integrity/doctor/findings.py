@@ -21,12 +21,12 @@ class Finding:
     message: str
 
 
-def about(code: str, severity: Severity, attempts: Iterable[str], message: str) -> list[Finding]:
+def attempt_finding(code: str, severity: Severity, attempts: Iterable[str], message: str) -> list[Finding]:
     """One finding about some attempts; none where there are no attempts. ``{n}`` in the message is their number."""
     ids = tuple(attempts)
     return [Finding(code=code, severity=severity, attempts=ids, message=message.format(n=len(ids)))] if ids else []
 
 
-def whole(code: str, severity: Severity, message: str) -> Finding:
+def dataset_finding(code: str, severity: Severity, message: str) -> Finding:
     """A finding about the dataset as a whole."""
     return Finding(code=code, severity=severity, attempts=(), message=message)

@@ -9,7 +9,7 @@ import numpy as np
 from handsight.datasets.curation.folds import Folds, fold_faults
 from handsight.datasets.format.digest import attempt_digest
 from handsight.datasets.format.schema import parse_attempt_id
-from handsight.datasets.integrity.doctor.findings import Finding, about, whole
+from handsight.datasets.integrity.doctor.findings import Finding, attempt_finding, dataset_finding
 from handsight.datasets.integrity.repair import ResimulateAttempt
 from handsight.datasets.reading.reader import GraspDataset
 from handsight.datasets.records import Outcome
@@ -25,14 +25,14 @@ def balance_findings(dataset: GraspDataset) -> Iterator[Finding]:
     share = float(labels.mean()) if len(labels) else 0.5
     if len(labels) >= _FEWEST and not _RAREST <= share <= 1 - _RAREST:
         message = f"{share:.1%} of {len(labels)} labelled attempts succeed, expected {_RAREST:.0%} to {1 - _RAREST:.0%}"
-        yield whole("GD-401", "warning", message)
+        yield dataset_finding("GD-401", "warning", message)
 
 
 def fold_findings(dataset: GraspDataset, folds: list[Folds]) -> Iterator[Finding]:
     """Whether the stored folds still divide this version without leaks."""
     for division in folds:
         for fault in fold_faults(dataset, division):
-            yield whole("GD-402", "error", f"folds {division.name!r}: {fault}")
+            yield dataset_finding("GD-402", "error", f"folds {division.name!r}: {fault}")
 
 
 def resimulation_findings(
@@ -56,7 +56,11 @@ def resimulation_findings(
         else:
             alike.append(attempt)
     of = f"{{n}} of {len(chosen)} attempts"
-    yield from about("GD-501", "error", wrong, f"{of} end otherwise when simulated again: other code, assets or seeds")
-    yield from about("GD-502", "warning", different, f"{of} end alike when simulated again, but their bytes differ")
-    yield from about("GD-503", "note", not_possible, f"{of} cannot be simulated again here")
-    yield from about("GD-504", "note", alike, f"{of} are the same in every recorded bit when simulated again")
+    yield from attempt_finding(
+        "GD-501", "error", wrong, f"{of} end otherwise when simulated again: other code, assets or seeds"
+    )
+    yield from attempt_finding(
+        "GD-502", "warning", different, f"{of} end alike when simulated again, but their bytes differ"
+    )
+    yield from attempt_finding("GD-503", "note", not_possible, f"{of} cannot be simulated again here")
+    yield from attempt_finding("GD-504", "note", alike, f"{of} are the same in every recorded bit when simulated again")

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handsight.datasets.curation.folds import Folds
-from handsight.datasets.integrity.doctor.findings import Finding, about
+from handsight.datasets.integrity.doctor.findings import Finding, attempt_finding
 
 NEAR_BITS = 7
 """Most bits in which two hashes of nearly the same picture differ; fewer than there are bands."""
@@ -62,7 +62,7 @@ def near_pairs(hashes: Mapping[str, int]) -> Iterator[tuple[str, str]]:
 def likeness_findings(hashes: Mapping[str, int], folds: list[Folds]) -> Iterator[Finding]:
     """Overhead pictures that are nearly the same, and where such a pair is in two folds."""
     pairs = list(near_pairs(hashes))
-    yield from about(
+    yield from attempt_finding(
         "GD-307",
         "note",
         sorted({name for pair in pairs for name in pair}),
@@ -77,7 +77,7 @@ def likeness_findings(hashes: Mapping[str, int], folds: list[Folds]) -> Iterator
             and left in division.fold.index
             and right in division.fold.index
         }
-        yield from about(
+        yield from attempt_finding(
             "GD-403",
             "warning",
             sorted(parted),

@@ -11,7 +11,7 @@ import pandas as pd
 
 from handsight.datasets.errors import CorruptDataError
 from handsight.datasets.format.schema import VIEWPOINTS
-from handsight.datasets.integrity.doctor.findings import Finding, Severity, about, whole
+from handsight.datasets.integrity.doctor.findings import Finding, Severity, attempt_finding, dataset_finding
 from handsight.datasets.integrity.doctor.near_duplicates import picture_hash
 from handsight.datasets.reading.reader import GraspDataset
 from handsight.datasets.records import RgbdFrame
@@ -36,8 +36,8 @@ class PictureFacts:
     """What the checks need of all pictures, in the order of the attempts."""
 
     table: pd.DataFrame
-    """One row for each picture: attempt, session, viewpoint, digest of its colours, deviation of its grey levels, share of
-    holes, median depth against the camera's height."""
+    """One row for each picture: attempt, session, viewpoint, digest of its colours, deviation of its grey levels, share
+    of holes, median depth against the camera's height."""
     hashes: dict[str, int]
     """Perceptual hash of each overhead picture by attempt."""
 
@@ -95,7 +95,7 @@ def intrinsics_findings(dataset: GraspDataset) -> Iterator[Finding]:
         lens = session.header.station.camera.intrinsics
         centred = abs(lens.cx / lens.width - 0.5) < 0.2 and abs(lens.cy / lens.height - 0.5) < 0.2
         if not centred or not 0.8 < lens.fx / lens.fy < 1.25:
-            yield whole(
+            yield dataset_finding(
                 "GD-305",
                 "error",
                 f"session {session.ulid}: focal lengths ({lens.fx:.1f}, {lens.fy:.1f}) px and principal point "
@@ -105,7 +105,7 @@ def intrinsics_findings(dataset: GraspDataset) -> Iterator[Finding]:
 
 def damage_finding(error: CorruptDataError) -> Finding:
     """That pictures could not be looked at."""
-    return whole("GD-106", "error", f"{error}; 'handsight dataset verify' names everything that is damaged")
+    return dataset_finding("GD-106", "error", f"{error}; 'handsight dataset verify' names everything that is damaged")
 
 
 def _facts(dataset: GraspDataset, attempt: str, frame: RgbdFrame) -> dict[str, object]:
@@ -129,4 +129,4 @@ def _frozen(table: pd.DataFrame) -> pd.Series[bool]:
 
 
 def _about(code: str, severity: Severity, rows: pd.DataFrame, message: str) -> list[Finding]:
-    return about(code, severity, dict.fromkeys(rows["attempt"]), message)
+    return attempt_finding(code, severity, dict.fromkeys(rows["attempt"]), message)

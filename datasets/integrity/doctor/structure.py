@@ -9,7 +9,7 @@ import zarr
 from handsight.datasets.format.arrays import array_at, group_at
 from handsight.datasets.format.schema import COLUMNS, SESSIONS, VIEWPOINTS
 from handsight.datasets.format.sessions import attribute_damage
-from handsight.datasets.integrity.doctor.findings import Finding, about, whole
+from handsight.datasets.integrity.doctor.findings import Finding, attempt_finding, dataset_finding
 from handsight.datasets.reading.reader import GraspDataset
 
 
@@ -19,10 +19,12 @@ def structure_findings(dataset: GraspDataset) -> Iterator[Finding]:
     for session in dataset.sessions:
         group = group_at(root, f"{SESSIONS}/{session.ulid}")
         if session.status == "open":
-            yield whole("GD-101", "note", f"session {session.ulid} is open: its collector has not sealed it yet")
+            yield dataset_finding(
+                "GD-101", "note", f"session {session.ulid} is open: its collector has not sealed it yet"
+            )
         yield from _length_findings(session.ulid, group)
         for fault in attribute_damage(group.attrs.asdict()):
-            yield whole("GD-107", "error", f"session {session.ulid}: {fault}")
+            yield dataset_finding("GD-107", "error", f"session {session.ulid}: {fault}")
     yield from _id_findings(dataset)
 
 
@@ -32,20 +34,20 @@ def _length_findings(ulid: str, group: zarr.Group) -> Iterator[Finding]:
     lengths = {path: array_at(group, path).shape[0] for path in paths}
     if len(set(lengths.values())) > 1:
         listed = ", ".join(f"{path} {length}" for path, length in lengths.items())
-        yield whole("GD-103", "error", f"arrays of session {ulid} differ in length: {listed}")
+        yield dataset_finding("GD-103", "error", f"arrays of session {ulid} differ in length: {listed}")
 
 
 def _id_findings(dataset: GraspDataset) -> Iterator[Finding]:
     table = dataset.attempts
     positions = table.groupby("session").cumcount()
-    yield from about(
+    yield from attempt_finding(
         "GD-104",
         "error",
         table.index[table["number"].to_numpy() != positions.to_numpy()],
         "{n} attempts have another number than their place in the session",
     )
     curated = {one for decision in dataset.overlay.decisions for one in decision.attempts}
-    yield from about(
+    yield from attempt_finding(
         "GD-105",
         "warning",
         sorted(curated - set(table.index)),

@@ -282,9 +282,9 @@ def test_names_beyond_ascii_are_kept(meshes: Path) -> None:
     import_folder(meshes, "mine")
     models = load_object_set("mine")
     assert {model.object_id for model in models} == {"mine/Größe-2", "mine/étui", "mine/茶碗", "mine/-bold--1"}
-    engine = connect()
-    assert all(engine.loadURDF(str(model.urdf)) >= 0 for model in models)
-    engine.disconnect()
+    bullet = connect()
+    assert all(bullet.loadURDF(str(model.urdf)) >= 0 for model in models)
+    bullet.disconnect()
 
 
 def test_a_folder_without_meshes_tells_what_is_there(meshes: Path, capsys: pytest.CaptureFixture[str]) -> None:

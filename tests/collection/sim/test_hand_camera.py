@@ -40,14 +40,14 @@ def test_table_matches_the_rasterised_one(tmp_path: Path) -> None:
     lines = [f"v {x} {y} 0" for x, y in ((-half, -half), (half, -half), (half, half), (-half, half))]
     lines += ["vt 0 0", "vt 1 0", "vt 1 1", "vt 0 1", "vn 0 0 1", "f 1/1/1 2/2/1 3/3/1", "f 1/1/1 3/3/1 4/4/1"]
     (tmp_path / "square.obj").write_text("\n".join(lines), encoding="utf-8")
-    engine = connect()
+    bullet = connect()
     try:
-        mesh = engine.createVisualShape(pb.GEOM_MESH, fileName=str(tmp_path / "square.obj"))
-        body = engine.createMultiBody(0, -1, mesh, (*TABLE_CENTRE_M, 0.0))
-        engine.changeVisualShape(body, -1, textureUniqueId=engine.loadTexture(str(tmp_path / "wood.png")))
-        raster_rgb, raster_depth_m = render_objects(engine, INTRINSICS, pose_base_camera)
+        mesh = bullet.createVisualShape(pb.GEOM_MESH, fileName=str(tmp_path / "square.obj"))
+        body = bullet.createMultiBody(0, -1, mesh, (*TABLE_CENTRE_M, 0.0))
+        bullet.changeVisualShape(body, -1, textureUniqueId=bullet.loadTexture(str(tmp_path / "wood.png")))
+        raster_rgb, raster_depth_m = render_objects(bullet, INTRINSICS, pose_base_camera)
     finally:
-        engine.disconnect()
+        bullet.disconnect()
     drawn_rgb, drawn_depth_m = top.draw(INTRINSICS, pose_base_camera)
     assert np.abs(drawn_depth_m - raster_depth_m).max() < 5e-4
     # The renderer shades the table by one factor; texture coordinates have to agree, so compare the pattern.
@@ -61,19 +61,19 @@ def test_plane_depth_of_a_level_camera_is_its_height() -> None:
 
 
 def test_objects_hide_the_table_and_are_measured() -> None:
-    engine = connect()
+    bullet = connect()
     try:
-        box = engine.createVisualShape(pb.GEOM_BOX, halfExtents=(0.02, 0.02, 0.03), rgbaColor=(1, 0, 0, 1))
-        engine.createMultiBody(0, -1, box, (POSE.x_m, POSE.y_m, 0.03))
+        box = bullet.createVisualShape(pb.GEOM_BOX, halfExtents=(0.02, 0.02, 0.03), rgbaColor=(1, 0, 0, 1))
+        bullet.createMultiBody(0, -1, box, (POSE.x_m, POSE.y_m, 0.03))
         rgb, depth = render(
-            engine,
+            bullet,
             wooden_table(np.random.default_rng(0)),
             D435_ON_GRIPPER,
             POSE.pose_base_tool(0.4),
             depth_scale_m=0.001,
         )
     finally:
-        engine.disconnect()
+        bullet.disconnect()
     top = depth == 440  # camera at 0.5 m, box top at 0.06 m
     assert 1500 < top.sum() < 4000
     assert depth.max() == 500
@@ -84,14 +84,14 @@ def test_objects_hide_the_table_and_are_measured() -> None:
 
 def _lit(light: Light) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
     """The top of a grey box and the table beside it, in this light."""
-    engine = connect()
+    bullet = connect()
     try:
-        box = engine.createVisualShape(pb.GEOM_BOX, halfExtents=(0.02, 0.02, 0.03), rgbaColor=(0.5, 0.5, 0.5, 1))
-        engine.createMultiBody(0, -1, box, (POSE.x_m, POSE.y_m, 0.03))
+        box = bullet.createVisualShape(pb.GEOM_BOX, halfExtents=(0.02, 0.02, 0.03), rgbaColor=(0.5, 0.5, 0.5, 1))
+        bullet.createMultiBody(0, -1, box, (POSE.x_m, POSE.y_m, 0.03))
         grey = TableTop(np.full((64, 64, 3), 128, np.uint8), size_m=2 * TABLE_HALF_SIZE_M)
-        rgb, depth = render(engine, grey, D435_ON_GRIPPER, POSE.pose_base_tool(0.4), depth_scale_m=0.001, light=light)
+        rgb, depth = render(bullet, grey, D435_ON_GRIPPER, POSE.pose_base_tool(0.4), depth_scale_m=0.001, light=light)
     finally:
-        engine.disconnect()
+        bullet.disconnect()
     return rgb[depth == 440], rgb[:60, :60]
 
 
@@ -135,12 +135,12 @@ def test_light_that_is_none_is_refused() -> None:
 def test_the_arm_is_not_in_the_picture(height_m: float, width_m: float) -> None:
     """With all its meshes loaded the arm covers not one pixel, so leaving it undrawn changes nothing."""
     folder, urdf = temporary_arm_urdf(with_visuals=True)
-    engine = connect()
+    bullet = connect()
     try:
-        arm = Arm(engine, urdf, SimConfig(gripper_stroke_m=width_m or 0.005))
+        arm = Arm(bullet, urdf, SimConfig(gripper_stroke_m=width_m or 0.005))
         arm.place(POSE.pose_base_tool(height_m))
-        _, depth_m = render_objects(engine, INTRINSICS, camera_pose(D435_ON_GRIPPER, arm.pose_base_tool))
+        _, depth_m = render_objects(bullet, INTRINSICS, camera_pose(D435_ON_GRIPPER, arm.pose_base_tool))
     finally:
-        engine.disconnect()
+        bullet.disconnect()
         folder.cleanup()
     assert not np.isfinite(depth_m).any()

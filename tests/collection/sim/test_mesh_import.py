@@ -37,9 +37,9 @@ def meshes(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def engine() -> Iterator[BulletClient]:
-    engine = connect()
-    yield engine
-    engine.disconnect()
+    bullet = connect()
+    yield bullet
+    bullet.disconnect()
 
 
 def cup() -> trimesh.Trimesh:
@@ -56,7 +56,7 @@ def block() -> trimesh.Trimesh:
 
 
 @pytest.mark.parametrize("suffix", ["obj", "stl", "ply", "glb"])
-def test_every_kind_of_file_becomes_an_object(engine: BulletClient, meshes: Path, suffix: str) -> None:
+def test_every_kind_of_file_becomes_an_object(bullet: BulletClient, meshes: Path, suffix: str) -> None:
     trimesh.creation.box(extents=(0.06, 0.04, 0.03)).export(meshes / f"block.{suffix}")
     settings = ImportSettings(density_kg_m3=500, licence="CC-BY-4.0", friction=0.6)
     report = import_folder(meshes, "mine", settings=settings)
@@ -66,20 +66,20 @@ def test_every_kind_of_file_becomes_an_object(engine: BulletClient, meshes: Path
     assert entry.size_m == pytest.approx((0.06, 0.04, 0.03), abs=1e-4)
     (model,) = load_object_set("mine")
     assert model.object_id == "mine/block"
-    body = engine.loadURDF(str(model.urdf), globalScaling=model.scale)
-    mass_kg, friction, *_ = engine.getDynamicsInfo(body, -1)
+    body = bullet.loadURDF(str(model.urdf), globalScaling=model.scale)
+    mass_kg, friction, *_ = bullet.getDynamicsInfo(body, -1)
     assert (mass_kg, friction) == pytest.approx((entry.mass_kg, 0.6))
-    low, high = np.array(engine.getAABB(body))
+    low, high = np.array(bullet.getAABB(body))
     # Bullet adds a margin of 3 mm around a box in its broad phase.
     assert high - low == pytest.approx(entry.size_m, abs=0.008)
 
 
-def test_a_hollow_survives_the_decomposition(engine: BulletClient, meshes: Path) -> None:
+def test_a_hollow_survives_the_decomposition(bullet: BulletClient, meshes: Path) -> None:
     cup().export(meshes / "cup.ply")
     import_folder(meshes, "cups")
     (model,) = load_object_set("cups")
-    engine.loadURDF(str(model.urdf))
-    ((body, _, _, position, _),) = engine.rayTest((0, 0, 0.1), (0, 0, -0.1))
+    bullet.loadURDF(str(model.urdf))
+    ((body, _, _, position, _),) = bullet.rayTest((0, 0, 0.1), (0, 0, -0.1))
     assert body >= 0
     # The centre of mass is below the middle: a lid would be 25 mm and more above it, the floor is below.
     assert position[2] < 0
@@ -120,7 +120,7 @@ def test_millimetres_become_metres(meshes: Path) -> None:
 
 
 def test_a_mesh_without_units_is_told_a_scale(meshes: Path) -> None:
-    trimesh.creation.box(extents=(0.001, 0.002, 0.001)).export(meshes / "speck.ply")
+    trimesh.creation.box(extents=(0.001, 0.002, 0.001)).export(meshes / "dummy.ply")
     with pytest.raises(MeshImportError, match=r"--scale 75 would make it 0\.15 m long"):
         import_folder(meshes, "specks")
 
@@ -238,7 +238,7 @@ def painted(vertices: int, colour: tuple[int, int, int]) -> Any:
     return visual.TextureVisuals(uv=np.full((vertices, 2), 0.5), material=material)
 
 
-def test_a_texture_and_a_colour_are_kept(engine: BulletClient, meshes: Path) -> None:
+def test_a_texture_and_a_colour_are_kept(bullet: BulletClient, meshes: Path) -> None:
     box = trimesh.creation.box(extents=(0.05, 0.05, 0.05))
     textured = trimesh.Trimesh(
         vertices=box.vertices,
@@ -251,16 +251,16 @@ def test_a_texture_and_a_colour_are_kept(engine: BulletClient, meshes: Path) -> 
     red.export(meshes / "red.ply")
     import_folder(meshes, "boxes")
     green_model, red_model = load_object_set("boxes")
-    assert rendered_colour(engine, green_model.urdf) == "green"
-    assert rendered_colour(engine, red_model.urdf) == "red"
+    assert rendered_colour(bullet, green_model.urdf) == "green"
+    assert rendered_colour(bullet, red_model.urdf) == "red"
 
 
-def rendered_colour(engine: BulletClient, urdf: Path) -> str:
-    engine.resetSimulation()
-    engine.loadURDF(str(urdf))
-    view = engine.computeViewMatrix((0.1, 0.1, 0.2), (0, 0, 0), (0, 0, 1))
-    lens = engine.computeProjectionMatrixFOV(40, 1, 0.01, 1)
-    picture = engine.getCameraImage(64, 64, view, lens, renderer=engine.ER_TINY_RENDERER)
+def rendered_colour(bullet: BulletClient, urdf: Path) -> str:
+    bullet.resetSimulation()
+    bullet.loadURDF(str(urdf))
+    view = bullet.computeViewMatrix((0.1, 0.1, 0.2), (0, 0, 0), (0, 0, 1))
+    lens = bullet.computeProjectionMatrixFOV(40, 1, 0.01, 1)
+    picture = bullet.getCameraImage(64, 64, view, lens, renderer=bullet.ER_TINY_RENDERER)
     centre = np.reshape(picture[2], (64, 64, 4))[32, 32, :3]
     return ("red", "green", "blue")[int(np.argmax(centre))]
 
@@ -273,7 +273,7 @@ def test_an_imported_set_is_listed_and_dropped(meshes: Path) -> None:
     assert (info.name, info.objects, info.folder) == ("boxes", 5, report.folder)
     station = SimStation(SimConfig(objects=str(report.folder)))
     try:
-        scene = station.prepare(np.random.default_rng(0))
+        scene = station.reset(np.random.default_rng(0))
     finally:
         station.close()
     assert (scene.pose_base_object[:, 2] > 0.01).all()

@@ -33,7 +33,7 @@ from handsight.collection.sim.objects.household.surface import collision_part
 from handsight.collection.sim.objects.household.table import TEST, TRAIN, HouseholdObject
 from handsight.collection.sim.objects.manifest import MANIFEST_FILE, load_models, read_manifest
 from handsight.collection.sim.objects.urdf import RigidObject, mass_properties
-from handsight.collection.sim.randomization import Variety
+from handsight.collection.sim.randomization import Randomization
 from handsight.collection.sim.scene import Scene
 from handsight.collection.sim.station import SimStation
 from handsight.collection.sim.table import add_table
@@ -63,9 +63,9 @@ def own_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 
 @pytest.fixture
 def engine() -> Iterator[BulletClient]:
-    engine = connect()
-    yield engine
-    engine.disconnect()
+    bullet = connect()
+    yield bullet
+    bullet.disconnect()
 
 
 @pytest.fixture(params=EVERYTHING, ids=lambda item: item.name)
@@ -245,26 +245,26 @@ def test_the_manifest_describes_every_object(household: Path) -> None:
         assert all(0.01 < extent_m < 0.26 for extent_m in entry.size_m)
 
 
-def test_pybullet_loads_mass_friction_and_every_part(engine: BulletClient, household: Path) -> None:
+def test_pybullet_loads_mass_friction_and_every_part(bullet: BulletClient, household: Path) -> None:
     for model, item in zip(load_models(household), EVERYTHING, strict=True):
-        body = engine.loadURDF(str(model.urdf))
-        mass_kg, friction, *_ = engine.getDynamicsInfo(body, -1)
+        body = bullet.loadURDF(str(model.urdf))
+        mass_kg, friction, *_ = bullet.getDynamicsInfo(body, -1)
         assert mass_kg == pytest.approx(item.mass_kg, abs=1e-4)
         assert friction == pytest.approx(item.friction)
-        low, high = engine.getAABB(body)
+        low, high = bullet.getAABB(body)
         # The frame is at the centre of mass, inside the object's box.
         assert all(a < 0 < b for a, b in zip(low, high, strict=True))
 
 
 @pytest.mark.parametrize("name", ["mug", "bowl", "tape-roll", "wine-glass"])
-def test_a_hollow_is_hollow_for_contact(engine: BulletClient, household: Path, name: str) -> None:
+def test_a_hollow_is_hollow_for_contact(bullet: BulletClient, household: Path, name: str) -> None:
     """A ray down the axis meets the floor, or nothing at all, and not a lid."""
     entry = next(entry for entry in read_manifest(household).objects if entry.name == name)
     centre_m = mass_properties(rigid_object(_entry(name)).parts, 1.0).centre_m
-    engine.loadURDF(str(household / name / "object.urdf"), (0, 0, 0))
+    bullet.loadURDF(str(household / name / "object.urdf"), (0, 0, 0))
     axis = -centre_m[:2]
     top_m = entry.size_m[2] - centre_m[2]
-    ((_, _, share, _, _),) = engine.rayTest((*axis, top_m + 0.01), (*axis, top_m - entry.size_m[2] - 0.01))
+    ((_, _, share, _, _),) = bullet.rayTest((*axis, top_m + 0.01), (*axis, top_m - entry.size_m[2] - 0.01))
     depth_m = share * (entry.size_m[2] + 0.02) - 0.01
     assert depth_m > 0.4 * entry.size_m[2]
 
@@ -274,17 +274,17 @@ def _entry(name: str) -> HouseholdObject:
 
 
 @pytest.mark.parametrize("name", SETS)
-def test_dropped_objects_come_to_rest(engine: BulletClient, name: str) -> None:
+def test_dropped_objects_come_to_rest(bullet: BulletClient, name: str) -> None:
     """Five of them from 0.15 m rest within 3 s, here in all of a few seeds; docs/objects.md has the share of many."""
     config = SimConfig(objects=name, settle_limit_s=3.0)
     models = load_object_set(name)
     for seed in range(6):
         rng = np.random.default_rng([5, seed])
-        engine.resetSimulation()
-        engine.setGravity(0, 0, -9.81)
-        add_table(engine)
-        scene = Scene(engine, config)
-        scene.drop([models[index] for index in rng.choice(len(models), 5, replace=False)], rng, Variety())
+        bullet.resetSimulation()
+        bullet.setGravity(0, 0, -9.81)
+        add_table(bullet)
+        scene = Scene(bullet, config)
+        scene.drop([models[index] for index in rng.choice(len(models), 5, replace=False)], rng, Randomization())
         assert scene.settle() <= 3.0 * config.physics_hz
         assert (scene.poses()[:, 2] > 0).all()
 
@@ -292,12 +292,12 @@ def test_dropped_objects_come_to_rest(engine: BulletClient, name: str) -> None:
 def test_the_station_takes_household_objects() -> None:
     station = SimStation(SimConfig(objects="household-test"))
     try:
-        scene: SceneObjects = station.prepare(np.random.default_rng(3))
+        scene: SceneObjects = station.reset(np.random.default_rng(3))
         picture = station.look()
     finally:
         station.close()
     assert len(scene.catalogue_index) == 5
-    assert station.card.objects[0] == "household/milk-jug"
+    assert station.spec.objects[0] == "household/milk-jug"
     # Objects are nearer than the table, and there are colours that no wooden table has.
     assert picture.depth.min() < picture.depth.max() - 15
     assert (picture.rgb.max(axis=2).astype(int) - picture.rgb.min(axis=2) > 120).sum() > 200

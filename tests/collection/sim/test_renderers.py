@@ -30,10 +30,10 @@ from handsight.collection.sim.config import D435_ON_GRIPPER, SimConfig
 from handsight.collection.sim.renderer import (
     EGL,
     TINY,
-    EmptyEngines,
+    EmptyClients,
     Renderer,
     check_available,
-    open_engine,
+    open_client,
     renderer_named,
 )
 from handsight.collection.sim.station import SimStation
@@ -69,13 +69,13 @@ def no_egl(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 
 @pytest.fixture(scope="module")
 def textured_plane(egl: Renderer, tmp_path_factory: pytest.TempPathFactory) -> Iterator[BulletClient]:
-    """A plane at z = 0 with a smooth random texture, in an engine that draws with EGL."""
-    engine = open_engine(egl)
+    """A plane at z = 0 with a smooth random texture, in an Bullet client that draws with EGL."""
+    bullet = open_client(egl)
     square = write_textured_square(tmp_path_factory.mktemp("plane"))
-    engine.createMultiBody(0, -1, engine.createVisualShape(pb.GEOM_MESH, fileName=str(square)), (0.6, 0.0, 0.0))
-    yield engine
+    bullet.createMultiBody(0, -1, bullet.createVisualShape(pb.GEOM_MESH, fileName=str(square)), (0.6, 0.0, 0.0))
+    yield bullet
     with quiet():
-        engine.disconnect()
+        bullet.disconnect()
 
 
 def _inner(view: PreparedView, step: torch.Tensor) -> NDArray[np.float32]:
@@ -116,7 +116,7 @@ def overheads(egl: Renderer) -> dict[str, list[RgbdFrame]]:
     for renderer in (TINY, egl):
         station = SimStation(SimConfig(renderer=renderer.name, vary=("colour",)))
         for seed in range(5):
-            station.prepare(np.random.default_rng(seed))
+            station.reset(np.random.default_rng(seed))
             frames.setdefault(renderer.name, []).append(station.look())
         station.close()
     return frames
@@ -156,16 +156,16 @@ def test_an_attempt_does_not_depend_on_what_was_drawn_before(egl: Renderer) -> N
 
 def test_a_renewed_engine_draws_the_same(egl: Renderer) -> None:
     pose_base_camera = camera_pose(D435_ON_GRIPPER, PlanarPose(x_m=0.6, y_m=0.0, angle_rad=0.0).pose_base_tool(0.4))
-    engines = EmptyEngines(replace(egl, attempts_per_engine=2))
+    clients = EmptyClients(replace(egl, attempts_per_client=2))
     pictures, seen = [], []
     for _ in range(5):
-        engine = engines.empty()
-        assert engine.getNumBodies() == 0
-        shape = engine.createVisualShape(pb.GEOM_BOX, halfExtents=(0.03, 0.03, 0.03), rgbaColor=(0.8, 0.2, 0.1, 1))
-        engine.createMultiBody(0, -1, shape, (0.6, 0.0, 0.03))
-        pictures.append(render_objects(engine, D435_ON_GRIPPER.intrinsics, pose_base_camera, renderer=egl)[0])
-        seen.append(engine)
-    engines.close()
+        bullet = clients.empty()
+        assert bullet.getNumBodies() == 0
+        shape = bullet.createVisualShape(pb.GEOM_BOX, halfExtents=(0.03, 0.03, 0.03), rgbaColor=(0.8, 0.2, 0.1, 1))
+        bullet.createMultiBody(0, -1, shape, (0.6, 0.0, 0.03))
+        pictures.append(render_objects(bullet, D435_ON_GRIPPER.intrinsics, pose_base_camera, renderer=egl)[0])
+        seen.append(bullet)
+    clients.close()
     assert [seen[i] is seen[i + 1] for i in range(4)] == [True, False, True, False]
     for picture in pictures:
         np.testing.assert_array_equal(picture, pictures[0])
@@ -174,27 +174,27 @@ def test_a_renewed_engine_draws_the_same(egl: Renderer) -> None:
 def test_shadows_do_not_depend_on_how_long_the_light_is_given(egl: Renderer) -> None:
     """The plugin takes the direction for a place and casts shadows near it."""
     pose_base_camera = camera_pose(D435_ON_GRIPPER, PlanarPose(x_m=0.6, y_m=0.0, angle_rad=0.0).pose_base_tool(0.4))
-    engine = open_engine(egl)
+    bullet = open_client(egl)
     for height_m in (0.03, 0.2):
-        shape = engine.createVisualShape(pb.GEOM_SPHERE, radius=0.03)
-        engine.createMultiBody(0, -1, shape, (0.6, height_m / 2, height_m))
+        shape = bullet.createVisualShape(pb.GEOM_SPHERE, radius=0.03)
+        bullet.createMultiBody(0, -1, shape, (0.6, height_m / 2, height_m))
     views = [
         render_objects(
-            engine, D435_ON_GRIPPER.intrinsics, pose_base_camera, light=Light(direction=direction), renderer=egl
+            bullet, D435_ON_GRIPPER.intrinsics, pose_base_camera, light=Light(direction=direction), renderer=egl
         )[0]
         for direction in ((0.3, 0.4, 1.0), (3.0, 4.0, 10.0))
     ]
     with quiet():
-        engine.disconnect()
+        bullet.disconnect()
     np.testing.assert_array_equal(views[0], views[1])
 
 
 def test_the_plugin_says_nothing(egl: Renderer) -> None:
-    """Whatever it prints would be in the JSON of a command; even when the interpreter leaves with an engine open."""
+    """Whatever it prints would be in the JSON of a command; even when Python leaves with an Bullet client open."""
     code = (
         "from handsight.collection.sim.renderer import *\n"
         "from handsight.collection.sim.renderer import EGL\n"
-        "first, left_open = EmptyEngines(EGL), EmptyEngines(EGL)\n"
+        "first, left_open = EmptyClients(EGL), EmptyClients(EGL)\n"
         "first.empty().getCameraImage(64, 48, renderer=EGL.flag)\n"
         "first.close()\n"
         "left_open.empty().getCameraImage(64, 48, renderer=EGL.flag)\n"
@@ -252,8 +252,8 @@ def test_a_driver_that_is_missing_does_not_take_the_process_down() -> None:
     """Asked directly, the plugin ends the process; that is what the trial process is for."""
     code = (
         "from handsight.collection.errors import RendererUnavailableError\n"
-        "from handsight.collection.sim.renderer import EGL, open_engine\n"
-        "try:\n    open_engine(EGL)\nexcept RendererUnavailableError:\n    print('still here')\n"
+        "from handsight.collection.sim.renderer import EGL, open_client\n"
+        "try:\n    open_client(EGL)\nexcept RendererUnavailableError:\n    print('still here')\n"
     )
     run = subprocess.run(
         [sys.executable, "-P", "-c", code], capture_output=True, text=True, env=os.environ | NO_EGL, check=False

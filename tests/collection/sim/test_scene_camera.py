@@ -17,7 +17,7 @@ from handsight.collection.policy import UniformPolicy
 from handsight.collection.sim.arm_model import FLANGE_TO_TIP_M
 from handsight.collection.sim.config import SimConfig
 from handsight.collection.sim.scene_camera import LAMP_M, SceneCamera, Viewpoint, pose_looking_at
-from handsight.collection.sim.static_replica import Diorama
+from handsight.collection.sim.static_replica import StaticReplica
 from handsight.collection.sim.station import SimStation
 from handsight.collection.sim.table import TABLE_CENTRE_M, TABLE_HALF_SIZE_M, wooden_table
 from handsight.datasets.records import SceneObjects
@@ -125,19 +125,19 @@ def test_beside_the_table_there_is_background(empty: NDArray[np.uint8]) -> None:
 
 
 def test_the_copy_stands_as_the_station_does() -> None:
-    diorama = Diorama(CONFIG)
+    replica = StaticReplica(CONFIG)
     scene = scene_of((2, 0.6, 0.1), (7, 0.7, -0.1))
-    diorama.arrange(TOOL, 0.05, scene)
-    engine, arm = diorama.engine, 0
-    names = {engine.getJointInfo(arm, joint)[1].decode(): joint for joint in range(engine.getNumJoints(arm))}
-    flange = engine.getLinkState(arm, names["gripper_mount"], computeForwardKinematics=True)
+    replica.arrange(TOOL, 0.05, scene)
+    bullet, arm = replica.bullet, 0
+    names = {bullet.getJointInfo(arm, joint)[1].decode(): joint for joint in range(bullet.getNumJoints(arm))}
+    flange = bullet.getLinkState(arm, names["gripper_mount"], computeForwardKinematics=True)
     np.testing.assert_allclose(np.asarray(flange[4]) + FLANGE_TO_TIP_M * TOOL[:3, 2], TOOL[:3, 3], atol=1e-5)
-    np.testing.assert_allclose(np.reshape(engine.getMatrixFromQuaternion(flange[5]), (3, 3)), TOOL[:3, :3], atol=1e-5)
-    assert sum(engine.getJointState(arm, names[f"gripper_{side}_joint"])[0] for side in ("left", "right")) == 0.05
-    bodies = [engine.getBodyUniqueId(number) for number in range(engine.getNumBodies())]
-    poses = [(*position, *turn) for position, turn in map(engine.getBasePositionAndOrientation, bodies[-2:])]
+    np.testing.assert_allclose(np.reshape(bullet.getMatrixFromQuaternion(flange[5]), (3, 3)), TOOL[:3, :3], atol=1e-5)
+    assert sum(bullet.getJointState(arm, names[f"gripper_{side}_joint"])[0] for side in ("left", "right")) == 0.05
+    bodies = [bullet.getBodyUniqueId(number) for number in range(bullet.getNumBodies())]
+    poses = [(*position, *turn) for position, turn in map(bullet.getBasePositionAndOrientation, bodies[-2:])]
     np.testing.assert_allclose(poses, scene.pose_base_object)
-    diorama.close()
+    replica.close()
 
 
 def test_pictures_from_outside_change_nothing_of_an_attempt(camera: SceneCamera) -> None:

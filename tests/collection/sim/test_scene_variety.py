@@ -1,4 +1,4 @@
-"""Variety: values drawn from the attempt's seed, recorded under names, and seen or felt in the scene."""
+"""Randomization: values drawn from the attempt's seed, recorded under names, and seen or felt in the scene."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from handsight.collection.attempt import AttemptStreams, attempt_seed, run_attem
 from handsight.collection.errors import StationSettingsError
 from handsight.collection.policy import UniformPolicy
 from handsight.collection.sim.camera import Light
-from handsight.collection.sim.config import VARIETY, SimConfig
-from handsight.collection.sim.randomization import LampPlace, Variety, condition_names
+from handsight.collection.sim.config import RANDOMIZED, SimConfig
+from handsight.collection.sim.randomization import LampPlace, Randomization, condition_names
 from handsight.collection.sim.station import SimStation, SimStationFactory
 from handsight.collection.sim.table_look import PATTERNS, TableLook
 from handsight.datasets.records import GraspAttempt
@@ -34,13 +34,13 @@ def plain() -> GraspAttempt:
 
 @pytest.fixture(scope="module")
 def varied() -> Iterator[SimStation]:
-    station = SimStation(SimConfig(vary=VARIETY))
+    station = SimStation(SimConfig(vary=RANDOMIZED))
     yield station
     station.close()
 
 
 def test_every_value_has_a_name_and_is_recorded(varied: SimStation) -> None:
-    names = varied.card.conditions
+    names = varied.spec.conditions
     assert len(set(names)) == len(names)
     assert {"table_red", "light_ambient", "colour_blue_4", "friction_objects", "depth_noise_subpixel_px"} <= set(names)
     first, again, other = (run_attempt(varied, UniformPolicy(), n, attempt_seed(5, n)) for n in (0, 0, 1))
@@ -80,25 +80,25 @@ def test_friction_is_felt_and_leaves_the_choice_of_objects(plain: GraspAttempt) 
 
 
 def test_switching_a_kind_on_leaves_what_the_others_draw() -> None:
-    def drawn(*kinds: str) -> Variety:
-        return Variety.draw(kinds, 3, AttemptStreams.from_seed(attempt_seed(1, 2)).scene)
+    def drawn(*kinds: str) -> Randomization:
+        return Randomization.draw(kinds, 3, AttemptStreams.from_seed(attempt_seed(1, 2)).scene)
 
-    everything = drawn(*VARIETY)
-    assert drawn("light") == Variety(light=everything.light)
-    assert drawn("colour", "friction") == Variety(tints=everything.tints, friction=everything.friction)
-    assert drawn() == Variety()
+    everything = drawn(*RANDOMIZED)
+    assert drawn("light") == Randomization(light=everything.light)
+    assert drawn("colour", "friction") == Randomization(tints=everything.tints, friction=everything.friction)
+    assert drawn() == Randomization()
 
 
-@pytest.mark.parametrize("kinds", [(), ("colour",), ("depth-noise", "table"), VARIETY])
+@pytest.mark.parametrize("kinds", [(), ("colour",), ("depth-noise", "table"), RANDOMIZED])
 def test_names_and_values_go_together(kinds: tuple[str, ...]) -> None:
-    variety = Variety.draw(kinds, 4, np.random.default_rng(0))
-    named = dict(zip(condition_names(kinds, 4), variety.values(), strict=True))
-    if variety.table is not None:
-        assert named["table_seed"] == variety.table.seed
-    if variety.tints:
-        assert named["colour_green_2"] == variety.tints[2].green
-    if variety.depth_noise is not None:
-        assert named["depth_noise_subpixel_px"] == variety.depth_noise.subpixel_px
+    randomization = Randomization.draw(kinds, 4, np.random.default_rng(0))
+    named = dict(zip(condition_names(kinds, 4), randomization.values(), strict=True))
+    if randomization.table is not None:
+        assert named["table_seed"] == randomization.table.seed
+    if randomization.tints:
+        assert named["colour_green_2"] == randomization.tints[2].green
+    if randomization.depth_noise is not None:
+        assert named["depth_noise_subpixel_px"] == randomization.depth_noise.subpixel_px
 
 
 @pytest.mark.parametrize("pattern", range(len(PATTERNS)))
@@ -135,7 +135,7 @@ def test_ten_objects_make_a_heap_that_comes_to_rest() -> None:
     config = SimConfig(objects="clutter-train", objects_per_scene=10)
     station = SimStationFactory(config=config)()
     try:
-        scenes = [station.prepare(AttemptStreams.from_seed(attempt_seed(0, n)).scene) for n in range(3)]
+        scenes = [station.reset(AttemptStreams.from_seed(attempt_seed(0, n)).scene) for n in range(3)]
     finally:
         station.close()
     assert all(scene.pose_base_object.shape == (10, 7) for scene in scenes)

@@ -130,7 +130,7 @@ def test_out_of_reach_is_recorded_not_faked(station: SimStation) -> None:
 
 
 def test_an_unreachable_move_leaves_the_arm_where_it_is(station: SimStation) -> None:
-    station.prepare(np.random.default_rng(0))
+    station.reset(np.random.default_rng(0))
     before = station.look().pose_base_tool
     with pytest.raises(UnreachableError):
         station.reach(PlanarPose(x_m=2.0, y_m=0.0, angle_rad=0.0))
@@ -141,7 +141,7 @@ def test_objects_that_never_rest_abort_the_attempt() -> None:
     hasty = SimStation(SimConfig(settle_limit_s=0.1))
     try:
         with pytest.raises(PhaseAbortedError, match=r"settle: .*0\.1 s"):
-            hasty.prepare(np.random.default_rng(0))
+            hasty.reset(np.random.default_rng(0))
         recorded = attempt(hasty, 0)
     finally:
         hasty.close()
@@ -151,7 +151,7 @@ def test_objects_that_never_rest_abort_the_attempt() -> None:
 
 
 def test_the_factory_describes_its_stations_without_opening_one(station: SimStation) -> None:
-    assert SimStationFactory(config=SimConfig()).card == station.card
+    assert SimStationFactory(config=SimConfig()).spec == station.spec
 
 
 def test_bad_settings_report_every_fault() -> None:

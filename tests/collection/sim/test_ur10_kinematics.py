@@ -21,9 +21,9 @@ from handsight.servoing.planar import PlanarPose
 @pytest.fixture(scope="module")
 def arm() -> Iterator[Arm]:
     folder, urdf = temporary_arm_urdf()
-    engine = connect()
-    yield Arm(engine, urdf, SimConfig())
-    engine.disconnect()
+    bullet = connect()
+    yield Arm(bullet, urdf, SimConfig())
+    bullet.disconnect()
     folder.cleanup()
 
 

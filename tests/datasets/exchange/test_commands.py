@@ -20,6 +20,7 @@ import zarr
 from tests.support.factories import difference, make_attempt, make_header, record
 
 from handsight.datasets import (
+    EXPORT_FORMATS,
     CorruptDataError,
     DatasetError,
     GraspDataset,
@@ -27,9 +28,10 @@ from handsight.datasets import (
     InterchangeError,
     MergeError,
     Outcome,
+    export_dataset,
+    import_dataset,
 )
 from handsight.datasets.curation.curator import Curator
-from handsight.datasets.exchange import EXPORT_FORMATS, export_dataset, import_dataset
 from handsight.datasets.reading.selection import Selection
 
 

@@ -13,8 +13,7 @@ import numpy as np
 import pytest
 from tests.support.factories import make_station
 
-from handsight.datasets import GraspDataset, InterchangeError, Outcome
-from handsight.datasets.exchange import export_dataset, import_dataset
+from handsight.datasets import GraspDataset, InterchangeError, Outcome, export_dataset, import_dataset
 from handsight.datasets.format.header import station_to_json
 from handsight.servoing.planar import PlanarPose
 
@@ -124,8 +123,8 @@ BAD: dict[str, tuple[Callable[[Path, Lines], object], str]] = {
     "missing column": (without_column, "columns are missing: grasp_z_m"),
     "unknown column": (lambda folder, lines: write_table(folder, [{**one, "sucess": 1} for one in lines]), "sucess"),
     "no lines": (lambda folder, lines: (folder / "attempts.csv").write_text("a\n"), "there are no attempts"),
-    "no station": (lambda folder, lines: (folder / "station.json").unlink(), "is no station card"),
-    "bad station": (lambda folder, lines: (folder / "station.json").write_text("[]"), "is no station card"),
+    "no station": (lambda folder, lines: (folder / "station.json").unlink(), "is no station spec"),
+    "bad station": (lambda folder, lines: (folder / "station.json").write_text("[]"), "is no station spec"),
 }
 
 

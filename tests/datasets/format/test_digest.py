@@ -22,7 +22,7 @@ from handsight.datasets import (
     Outcome,
     RgbdFrame,
     SceneObjects,
-    StationCard,
+    StationSpec,
 )
 from handsight.datasets.format.digest import attempt_digest, dataset_digest
 from handsight.servoing.camera import HandCamera, Intrinsics
@@ -88,7 +88,7 @@ def test_the_digest_depends_on_every_field_but_ids_and_clocks(path: tuple[str, .
 @pytest.mark.parametrize("path", [path for path in leaves(STATION) if path != ("objects",)], ids=".".join)
 def test_the_digest_depends_on_the_instruments(path: tuple[str, ...]) -> None:
     attempt = full_attempt()
-    other: StationCard = changed(STATION, path, 0)
+    other: StationSpec = changed(STATION, path, 0)
     assert attempt_digest(attempt, other) != attempt_digest(attempt, STATION)
 
 
@@ -113,10 +113,10 @@ def test_objects_count_by_name_not_by_index() -> None:
 
 def test_room_for_more_objects_changes_nothing(tmp_path: Path) -> None:
     digests = set()
-    for slots in (3, 5):
-        header = replace(HEADER, objects_per_scene=slots)
-        record(GraspRepository.create(tmp_path / str(slots)), header, [full_attempt()])
-        digests.add(GraspDataset.open(f"{tmp_path}/{slots}").digest)
+    for widths in (3, 5):
+        header = replace(HEADER, objects_per_scene=widths)
+        record(GraspRepository.create(tmp_path / str(widths)), header, [full_attempt()])
+        digests.add(GraspDataset.open(f"{tmp_path}/{widths}").digest)
     assert len(digests) == 1
 
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import torch
 
-from handsight.datasets.inputs.augmentation import MIRRORINGS, Jitter, mirrored
+from handsight.datasets.inputs.augmentation import FLIPS, Jitter, flipped
 
 
 def _inputs(batch: int) -> torch.Tensor:
@@ -12,8 +12,8 @@ def _inputs(batch: int) -> torch.Tensor:
 
 
 def test_the_four_mirrorings_are_those_of_a_rectangle() -> None:
-    inputs = _inputs(1).expand(MIRRORINGS, -1, -1, -1)
-    as_recorded, left_right, top_bottom, both = mirrored(inputs, torch.arange(MIRRORINGS))
+    inputs = _inputs(1).expand(FLIPS, -1, -1, -1)
+    as_recorded, left_right, top_bottom, both = flipped(inputs, torch.arange(FLIPS))
     torch.testing.assert_close(as_recorded, inputs[0])
     torch.testing.assert_close(left_right, inputs[0].flip(2))
     torch.testing.assert_close(top_bottom, inputs[0].flip(1))
@@ -21,8 +21,8 @@ def test_the_four_mirrorings_are_those_of_a_rectangle() -> None:
 
 
 def test_mirroring_twice_is_nothing() -> None:
-    inputs, which = _inputs(12), torch.arange(12) % MIRRORINGS
-    torch.testing.assert_close(mirrored(mirrored(inputs, which), which), inputs)
+    inputs, which = _inputs(12), torch.arange(12) % FLIPS
+    torch.testing.assert_close(flipped(flipped(inputs, which), which), inputs)
 
 
 def test_jitter_varies_what_it_is_told_to_and_follows_its_generator() -> None:

@@ -17,6 +17,7 @@ from tests.support.factories import make_attempt, make_header, record
 
 from handsight.datasets import (
     Curator,
+    Diagnosis,
     GraspAttempt,
     GraspDataset,
     GraspRepository,
@@ -25,12 +26,12 @@ from handsight.datasets import (
     Selection,
     SessionHeader,
     SessionWriter,
+    doctor,
     make_folds,
 )
 from handsight.datasets.format import schema
 from handsight.datasets.format.arrays import array_at
 from handsight.datasets.integrity import doctor as package
-from handsight.datasets.integrity.doctor import Diagnosis, doctor
 from handsight.datasets.integrity.doctor.near_duplicates import NEAR_BITS, near_pairs, picture_hash
 from handsight.servoing.camera import HandCamera, Intrinsics
 

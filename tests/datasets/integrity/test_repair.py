@@ -176,11 +176,11 @@ def test_garbage_waits_for_open_writers(recorded: GraspRepository) -> None:
     last = recorded.log()[0].written_at
     session = recorded.writable("main")
     report = collect_garbage(recorded, dry_run=False, grace=timedelta(0))
-    assert report.held_back_by == (writer.session,)
+    assert report.retained_by == (writer.session,)
     assert report.older_than == last
     assert session.snapshot_id == recorded.resolve("main")
     writer.seal()
-    assert collect_garbage(recorded, dry_run=True, grace=timedelta(0)).held_back_by == ()
+    assert collect_garbage(recorded, dry_run=True, grace=timedelta(0)).retained_by == ()
 
 
 def test_expiry_shortens_the_history_and_keeps_what_has_a_name(recorded: GraspRepository) -> None:

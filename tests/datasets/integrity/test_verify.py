@@ -41,8 +41,8 @@ def tamper(repository: GraspRepository, change: Callable[[zarr.Group], None]) ->
 
 @pytest.fixture
 def eager(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A process for every few attempts, in stretches of two."""
-    for name, value in (("_WORTH_A_PROCESS", 4), ("_STRETCH", 2)):
+    """A process for every few attempts, in ranges of two."""
+    for name, value in (("_WORTH_A_PROCESS", 4), ("_RANGE", 2)):
         monkeypatch.setattr(sys.modules["handsight.datasets.integrity.verify"], name, value)
 
 

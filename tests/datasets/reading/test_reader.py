@@ -38,7 +38,7 @@ HEADER = make_header()
 @settings(max_examples=10)
 @given(
     seed=st.integers(0, 2**63 - 1),
-    slots=st.integers(1, 5),
+    widths=st.integers(1, 5),
     conditions=st.sampled_from([(), ("table_friction",), ("a", "b", "c")]),
     width=st.integers(1, 40),
     height=st.integers(1, 30),
@@ -46,10 +46,10 @@ HEADER = make_header()
     scale=st.floats(1e-6, 1e-2),
 )
 def test_every_field_comes_back(
-    seed: int, slots: int, conditions: tuple[str, ...], width: int, height: int, every: int, scale: float
+    seed: int, widths: int, conditions: tuple[str, ...], width: int, height: int, every: int, scale: float
 ) -> None:
     header = make_header(
-        seed=seed, objects_per_scene=slots, conditions=conditions, width=width, height=height, depth_scale_m=scale
+        seed=seed, objects_per_scene=widths, conditions=conditions, width=width, height=height, depth_scale_m=scale
     )
     attempts = [make_attempt(header, number) for number in range(7)]
     with tempfile.TemporaryDirectory() as folder:

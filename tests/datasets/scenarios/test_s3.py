@@ -23,9 +23,10 @@ from handsight.datasets import (
     SessionConflictError,
     SessionWriter,
     StorageError,
+    export_dataset,
+    import_dataset,
 )
 from handsight.datasets.curation.curator import Curator
-from handsight.datasets.exchange import export_dataset, import_dataset
 from handsight.datasets.exchange.merge import merge
 from handsight.datasets.inputs.materialize import materialize
 from handsight.datasets.reading.selection import Selection

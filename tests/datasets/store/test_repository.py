@@ -23,7 +23,7 @@ from handsight.datasets import (
     SessionWriter,
 )
 from handsight.datasets.format.schema import SCHEMA_VERSION
-from handsight.datasets.store import icechunk_engine as engine
+from handsight.datasets.store import icechunk_engine
 
 
 def test_a_new_dataset_is_empty_and_leaves_nothing_beside_it(tmp_path: Path) -> None:
@@ -63,7 +63,7 @@ def test_open_says_what_is_there_instead(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("rooted", [False, True])
 def test_a_foreign_icechunk_store_is_no_dataset(tmp_path: Path, rooted: bool) -> None:
-    store = icechunk.Repository.create(engine.storage_at(tmp_path / "other"))
+    store = icechunk.Repository.create(icechunk_engine.storage_at(tmp_path / "other"))
     if rooted:
         session = store.writable_session("main")
         zarr.create_group(session.store)
@@ -94,7 +94,7 @@ def test_resolve_prefers_releases_to_branches_to_snapshots(repository: GraspRepo
     tip = repository.resolve("main")
     assert tip != empty
     assert repository.resolve(empty) == empty
-    store = icechunk.Repository.open(engine.storage_at(repository.folder))
+    store = icechunk.Repository.open(icechunk_engine.storage_at(repository.folder))
     store.create_tag("main", empty)
     assert repository.resolve("main") == empty
 
@@ -136,7 +136,7 @@ def test_a_release_name_is_used_once_even_when_deleted(repository: GraspReposito
     repository.release("v1")
     with pytest.raises(RefNameError, match="taken"):
         repository.release("v1")
-    icechunk.Repository.open(engine.storage_at(repository.folder)).delete_tag("v1")
+    icechunk.Repository.open(icechunk_engine.storage_at(repository.folder)).delete_tag("v1")
     with pytest.raises(RefNameError, match="deleted"):
         repository.release("v1")
     assert repository.releases() == {}

@@ -29,7 +29,7 @@ from handsight.datasets import (
     StorageError,
 )
 from handsight.datasets.format.arrays import array_at
-from handsight.datasets.store import icechunk_engine as engine
+from handsight.datasets.store import icechunk_engine
 
 HEADER = make_header()
 HELD = make_attempt(HEADER, 0, outcome=Outcome.HELD)
@@ -280,7 +280,7 @@ def test_a_failing_disk_loses_nothing(repository: GraspRepository, monkeypatch: 
     writer.append(HELD)
     tip = repository.resolve("main")
     with monkeypatch.context() as patch:
-        patch.setattr(engine, "sync_file_system", fail)
+        patch.setattr(icechunk_engine, "sync_file_system", fail)
         with pytest.raises(StorageError, match="cannot sync"):
             writer.commit()
     assert repository.resolve("main") == tip

@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 from tests.support.rrd import Content, at, colours, decode, read_picture, read_recording, verify
 
-from handsight.evaluation.label_issues import Suspect
+from handsight.evaluation.label_issues import LabelIssue
 from handsight.evaluation.trial import TrialRecording
 from handsight.viz import palette
 from handsight.viz.errors import NoVulkanError, RecordingError
-from handsight.viz.examples import SuspectExample
+from handsight.viz.examples import LabelIssueExample
 from handsight.viz.pixels import PictureFrame
-from handsight.viz.recordings.label_issues import TIMELINE, shown_bounds, write_suspects
+from handsight.viz.recordings.label_issues import TIMELINE, shown_bounds, write_label_issues
 from handsight.viz.recordings.screenshot import save_screenshots
 
 ENTITIES = {
@@ -32,7 +32,7 @@ ENTITIES = {
 
 
 @pytest.fixture(scope="module")
-def suspects(trial: TrialRecording) -> list[SuspectExample]:
+def suspects(trial: TrialRecording) -> list[LabelIssueExample]:
     """Two attempts on the pictures of a servo run: a doubted success without truth, a doubted failure with it."""
     views = [trial.trace.steps[index].view for index in (0, -1)]
     inputs = [trial.trace.steps[index].inputs.numpy(force=True).astype(np.float16) for index in (0, -1)]
@@ -41,8 +41,8 @@ def suspects(trial: TrialRecording) -> list[SuspectExample]:
         {"success": False, "predicted_success": 0.91, "doubt": 0.91, "truth_held": True, "truth_disagrees": True},
     ]
     return [
-        SuspectExample(
-            suspect=Suspect(
+        LabelIssueExample(
+            suspect=LabelIssue(
                 attempt=f"01M82D0ES98VNXTNKDRF7H092G-{number:06d}", target="blocks-train/003", **facts[number]
             ),
             view=views[number],
@@ -58,9 +58,9 @@ def suspects(trial: TrialRecording) -> list[SuspectExample]:
 
 
 @pytest.fixture(scope="module")
-def path(suspects: list[SuspectExample], tmp_path_factory: pytest.TempPathFactory) -> Path:
+def path(suspects: list[LabelIssueExample], tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("suspects") / "suspects.rrd"
-    write_suspects(path, suspects)
+    write_label_issues(path, suspects)
     return path
 
 
@@ -80,7 +80,7 @@ def test_rerun_finds_nothing_wrong_with_the_file(path: Path) -> None:
     assert result.returncode == 0, result.stdout + result.stderr
 
 
-def test_the_jaws_lie_where_the_grasp_was_attempted(content: Content, suspects: list[SuspectExample]) -> None:
+def test_the_jaws_lie_where_the_grasp_was_attempted(content: Content, suspects: list[LabelIssueExample]) -> None:
     for k, example in enumerate(suspects):
         camera, plane_m = example.view.camera, example.view.plane_m
         dx_m, dy_m, angle_rad = example.grasp
@@ -105,7 +105,7 @@ def test_the_jaws_have_the_colour_of_the_label(content: Content) -> None:
         assert packed >> 8 == red << 16 | green << 8 | blue
 
 
-def test_pictures_come_back(content: Content, suspects: list[SuspectExample]) -> None:
+def test_pictures_come_back(content: Content, suspects: list[LabelIssueExample]) -> None:
     for k, example in enumerate(suspects):
         rgb = decode(at(content["/picture/rgb"]["EncodedImage:blob"], k)[0])
         assert np.abs(rgb.astype(int) - example.view.rgb).mean() < 3
@@ -117,7 +117,7 @@ def test_pictures_come_back(content: Content, suspects: list[SuspectExample]) ->
         np.testing.assert_allclose(height_m, np.maximum(-example.inputs[3].astype(np.float32), 0).ravel())
 
 
-def test_the_text_says_what_was_recorded_and_what_to_type(content: Content, suspects: list[SuspectExample]) -> None:
+def test_the_text_says_what_was_recorded_and_what_to_type(content: Content, suspects: list[LabelIssueExample]) -> None:
     first, second = (at(content["/text/suspect"]["TextDocument:text"], k)[0] for k in range(2))
     assert first.startswith(f"## 1 of 2 · {suspects[0].suspect.attempt}\n")
     for part in ("**success**", "| 0.030 |", "| 0.970 |", "blocks-train/003", "85.0 → 21.3 → 21.3 → — mm", "2.0 mm"):
@@ -129,7 +129,7 @@ def test_the_text_says_what_was_recorded_and_what_to_type(content: Content, susp
             assert f"```\n{command}\n```" in text
 
 
-def test_the_overview_lists_them_all_at_every_time(content: Content, suspects: list[SuspectExample]) -> None:
+def test_the_overview_lists_them_all_at_every_time(content: Content, suspects: list[LabelIssueExample]) -> None:
     ((time, (text,)),) = content["/text/all"]["TextDocument:text"]
     assert time is None
     rows = text.splitlines()[2:]
@@ -137,8 +137,8 @@ def test_the_overview_lists_them_all_at_every_time(content: Content, suspects: l
     assert "disagrees" in rows[1]
 
 
-def test_grasps_beside_the_picture_are_shown_and_others_leave_it_whole(suspects: list[SuspectExample]) -> None:
-    def ranges(examples: list[SuspectExample]) -> tuple[list[float], list[float]]:
+def test_grasps_beside_the_picture_are_shown_and_others_leave_it_whole(suspects: list[LabelIssueExample]) -> None:
+    def ranges(examples: list[LabelIssueExample]) -> tuple[list[float], list[float]]:
         shown = shown_bounds(examples).range
         assert shown is not None
         (bounds,) = shown.as_arrow_array().to_pylist()
@@ -155,15 +155,15 @@ def test_grasps_beside_the_picture_are_shown_and_others_leave_it_whole(suspects:
     assert lowest_px < bottom < lowest_px + 40
 
 
-def test_faults_are_reported_together_and_nothing_is_written(suspects: list[SuspectExample], tmp_path: Path) -> None:
+def test_faults_are_reported_together_and_nothing_is_written(suspects: list[LabelIssueExample], tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match="no suspects"):
-        write_suspects(tmp_path / "none.rrd", [])
+        write_label_issues(tmp_path / "none.rrd", [])
     flat, three = (dataclasses.replace(suspects[0], inputs=suspects[0].inputs[part]) for part in (0, slice(3)))
     with pytest.raises(RecordingError, match=r"\(64, 64\), expected.*\(3, 64, 64\), expected"):
-        write_suspects(tmp_path / "bad.rrd", [flat, three])
+        write_label_issues(tmp_path / "bad.rrd", [flat, three])
     assert list(tmp_path.iterdir()) == []
     with pytest.raises(RecordingError, match="expected a file name in an existing folder"):
-        write_suspects(tmp_path / "none" / "x.rrd", suspects)
+        write_label_issues(tmp_path / "none" / "x.rrd", suspects)
 
 
 def test_every_suspect_draws(path: Path, tmp_path: Path) -> None:
