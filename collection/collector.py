@@ -30,7 +30,7 @@ class StationFactory(Protocol):
 
     @property
     def spec(self) -> StationSpec:
-        """The card that every station it opens will show."""
+        """The spec of every station it opens."""
 
     @property
     def objects_per_scene(self) -> int:

@@ -61,7 +61,7 @@ class Station(Protocol):
         """Opening between the jaws now [m]."""
 
     def reset(self, rng: np.random.Generator) -> SceneObjects | None:
-        """Ready a new scene with the arm at the pre-set overhead pose.
+        """Reset the scene, with the arm at the pre-set overhead pose.
 
         A simulated station drops fresh objects and returns where they came to rest; a rig homes and returns None.
         """

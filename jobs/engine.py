@@ -10,7 +10,7 @@ from handsight.jobs.processes import process_pool
 
 
 class Engine(Protocol):
-    """Starts workers for :func:`~.workers.map_ordered`."""
+    """Starts workers for :func:`~.ordered.map_ordered`."""
 
     def start_worker(self) -> Executor:
         """Start a worker: an executor over one process that answers one call at a time, in the order of submission.

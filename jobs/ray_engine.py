@@ -1,6 +1,6 @@
 """Workers on a Ray cluster. The one file that imports Ray, and only when it is asked for.
 
-A worker is an actor with one CPU. Nothing but attempts leaves it: the dataset is written by the process that asks.
+A worker is an actor with one CPU. Nothing but answers leaves it: whatever is made of them is written by the process that asks.
 Every machine of the cluster needs the same environment; Ray itself holds its own and Python's version equal.
 """
 
@@ -103,12 +103,12 @@ class _RayWorker(Executor):
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """End the actor behind the calls that it has, so that it closes its context; with ``wait``, see it gone."""
-        farewell = self._actor.__ray_terminate__.remote()
+        terminated = self._actor.__ray_terminate__.remote()
         if wait:
-            # The farewell is done once the actor is dead. One that never began, for want of a free CPU, would wait
+            # Termination is done once the actor is dead. One that never began, for want of a free CPU, would wait
             # for ever; one that hangs or is cut off, too.
             begun = self._first is not None and self._first.done()
-            self._ray.wait([farewell], timeout=SHUTDOWN_LIMIT_S if begun else 0)
+            self._ray.wait([terminated], timeout=SHUTDOWN_LIMIT_S if begun else 0)
             self._ray.kill(self._actor)
 
 

@@ -18,7 +18,7 @@ from torch.nn import functional
 
 from handsight.servoing.camera import HandCamera
 from handsight.servoing.errors import ServoSettingsError
-from handsight.servoing.view import PreparedView
+from handsight.servoing.prepared_view import PreparedView
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -8,7 +8,8 @@ import torch
 from torch import Tensor
 
 from handsight.servoing.homography import InputGrid, predict_inputs
-from handsight.servoing.view import PreparedView, View
+from handsight.servoing.prepared_view import PreparedView
+from handsight.servoing.view import View
 
 ScoreInputs = Callable[[Tensor], Tensor]
 """A Grasp Quality Network: inputs (B, 4, size, size) to success metrics S in [0, 1], (B,)."""

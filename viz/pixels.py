@@ -8,13 +8,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from handsight.servoing.camera import HandCamera
-from handsight.servoing.heatmap import Heatmap
 from handsight.viz.errors import RecordingError
+
+if TYPE_CHECKING:
+    # Where a heatmap lies takes no torch, which its room imports.
+    from handsight.servoing.heatmap import Heatmap
 
 Step = tuple[float, float, float]
 """A step (dx [m], dy [m], dangle [rad]) in the tool frame."""

@@ -79,7 +79,7 @@ class Arm:
     def width_m(self) -> float:
         """Opening between the jaws [m], as a gripper reports it: between closed and the stroke.
 
-        The engine's joint limits are soft, and fingers under load pass them by up to some millimetres.
+        Bullet's joint limits are soft, and fingers under load pass them by up to some millimetres.
         """
         states = self._bullet.getJointStates(self.body, self._fingers)
         return min(max(float(states[0][0] + states[1][0]), 0.0), self._config.gripper_stroke_m)

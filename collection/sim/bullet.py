@@ -1,6 +1,6 @@
-"""PyBullet, imported in one place and without its chatter.
+"""PyBullet, imported in one place and without its log output.
 
-Its C code prints a build line to standard error when it is imported and a line to standard output for every bullet,
+Its C code prints a build line to standard error when it is imported and a line to standard output for every client,
 which would corrupt ``--json`` output. Errors still get through: the streams are back as soon as the call is done.
 """
 
@@ -44,6 +44,6 @@ __all__ = ["BulletClient", "connect", "pybullet", "quiet"]
 
 
 def connect() -> BulletClient:
-    """A headless physics engine of its own."""
+    """A headless client, with a physics world of its own."""
     with quiet():
         return BulletClient(pybullet.DIRECT)

@@ -57,7 +57,7 @@ class SimConfig:
     """Openings up to this count as fully closed: object thickness that the jaws cannot resolve."""
     grip_force_n: float = 40.0
     finger_friction: float = 1.8
-    """Lateral friction of the fingertips. The engine multiplies it with that of the object, 0.7 to 0.8 for most, which
+    """Lateral friction of the fingertips. Bullet multiplies it with that of the object, 0.7 to 0.8 for most, which
     gives the 1.3 between fingers and objects of the paper (section V-B)."""
     sticky_contacts: bool = True
     """Fingertips hold a touched point by a spring until friction gives way (Bullet's friction anchors), where plain

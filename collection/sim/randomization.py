@@ -53,7 +53,7 @@ class LampPlace:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Friction:
-    """Lateral friction coefficients; the engine multiplies those of two bodies in contact."""
+    """Lateral friction coefficients; Bullet multiplies those of two bodies in contact."""
 
     table: float
     objects: float

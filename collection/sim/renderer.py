@@ -3,7 +3,7 @@
 TinyRenderer draws the same bytes on every machine. OpenGL is faster where it is good, and its bytes depend on the
 driver, so a session records which of the two made its pictures (``SimConfig.renderer``).
 
-The plugin takes its process down when EGL cannot be started, and never lets go of a texture until its engine ends. The
+The plugin takes its process down when EGL cannot be started, and never lets go of a texture until its client ends. The
 first is why a process of its own tries it, the second why :class:`EmptyClients` replaces clients now and then. It also
 takes a mesh that is loaded at a second scale for the first: no object set does that.
 """
@@ -33,7 +33,7 @@ sys.exit(0 if pybullet.loadPlugin(*sys.argv[1:], physicsClientId=bullet) >= 0 el
 TRIAL_LIMIT_S = 60.0
 """A driver that has not answered by then never will."""
 WARM_UP_FRAMES = 2
-"""So many pictures of an Bullet client name the driver on standard output."""
+"""So many pictures of a Bullet client name the driver on standard output."""
 IDENTITY = (1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 
 
@@ -53,7 +53,7 @@ class Renderer:
     coloured_light: bool = True
     """Whether ambient and diffuse light can be chosen, or the direction alone."""
     attempts_per_client: int | None = None
-    """How many worlds an Bullet client may hold one after the other; None without a limit."""
+    """How many worlds a Bullet client may hold one after the other; None without a limit."""
     lamp_m: float | None = None
     """Distance at which the lamp is put; None where only its direction is asked for."""
 
@@ -132,7 +132,7 @@ def _egl_plugin() -> str | None:
 
 
 def open_client(renderer: Renderer) -> BulletClient:
-    """A headless engine of its own whose pictures ``renderer`` draws.
+    """A headless client of its own whose pictures ``renderer`` draws.
 
     Raises:
         RendererUnavailableError: this machine cannot draw with it.
@@ -150,7 +150,7 @@ def open_client(renderer: Renderer) -> BulletClient:
 
 
 class EmptyClients:
-    """One engine after the other, each as empty as the first."""
+    """One client after the other, each as empty as the first."""
 
     def __init__(self, renderer: Renderer) -> None:
         """Start the first.
@@ -163,12 +163,12 @@ class EmptyClients:
 
     def _start(self) -> None:
         self._bullet = open_client(self._renderer)
-        # The plugin takes its leave on standard output, even when the interpreter ends with the engine still running.
+        # The plugin prints on exit to standard output, even when the interpreter ends with the client still open.
         self._stop = weakref.finalize(self, _stop_quietly, self._bullet)
         self._used = 0
 
     def empty(self) -> BulletClient:
-        """An Bullet client without bodies; the one given out before must not be used any more."""
+        """A Bullet client without bodies; the one given out before must not be used any more."""
         if self._used == self._renderer.attempts_per_client:
             self.close()
             self._start()
@@ -177,7 +177,7 @@ class EmptyClients:
         return self._bullet
 
     def close(self) -> None:
-        """Stop the bullet."""
+        """Stop the client."""
         self._stop()
 
 

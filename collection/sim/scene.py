@@ -24,7 +24,7 @@ class Scene:
     """The objects of one attempt."""
 
     def __init__(self, bullet: BulletClient, config: SimConfig) -> None:
-        """An empty scene in ``engine``."""
+        """An empty scene in ``bullet``."""
         self._bullet = bullet
         self._config = config
         self.bodies: list[int] = []

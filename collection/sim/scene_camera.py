@@ -67,7 +67,7 @@ class Viewpoint:
 
 
 class SceneCamera:
-    """Takes pictures of a replica; the engine of the attempt is not involved."""
+    """Takes pictures of a replica; the world of the attempt is not involved."""
 
     def __init__(self, config: SimConfig, table: TableTop, viewpoint: Viewpoint | None = None) -> None:
         """Load arm and table with their visual meshes, which takes half a second.

@@ -1,4 +1,4 @@
-"""A motionless copy of the station, with everything that the attempt's own engine leaves out for speed.
+"""A static replica of the station, with everything that the attempt's own world leaves out for speed.
 
 It is put together from what a dataset records, tool pose, jaw opening and objects, so it shows recorded attempts as
 well as running ones and cannot touch the physics of either.
@@ -31,7 +31,7 @@ CAMERA_HALF_SIZE_M = (0.045, 0.0125, 0.0125)
 
 
 class StaticReplica:
-    """Arm, gripper, hand camera, table and objects in an Bullet client of their own, with all their visual meshes."""
+    """Arm, gripper, hand camera, table and objects in a Bullet client of their own, with all their visual meshes."""
 
     def __init__(self, config: SimConfig) -> None:
         """Load everything but the objects; the arm's meshes take half a second.
@@ -110,7 +110,7 @@ class StaticReplica:
             self.bullet.resetBasePositionAndOrientation(body, pose[:3], pose[3:])
 
     def close(self) -> None:
-        """Stop the bullet."""
+        """Stop the client."""
         self.bullet.disconnect()
 
 

@@ -46,7 +46,7 @@ class SimStationFactory:
 
     @property
     def spec(self) -> StationSpec:
-        """The card of every station it opens."""
+        """The spec of every station it opens."""
         return StationSpec(
             source="sim",
             camera=self.config.camera,
@@ -89,7 +89,7 @@ class SimStation:
     """A :class:`~handsight.collection.station.Station` in simulation."""
 
     def __init__(self, config: SimConfig) -> None:
-        """Start an Bullet client of its own.
+        """Start a Bullet client of its own.
 
         Raises:
             ObjectSetError: unknown object set, or fewer objects in it than a scene needs.
@@ -254,6 +254,6 @@ class SimStation:
         self._ticks += 1
 
     def close(self) -> None:
-        """Stop the engine and delete its temporary files."""
+        """Stop the client and delete its temporary files."""
         self._clients.close()
         self._folder.cleanup()

@@ -29,7 +29,7 @@ from handsight.datasets.records import RgbdFrame, StationSpec
 from handsight.datasets.views import station_view
 from handsight.servoing.homography import InputGrid, predict_inputs
 from handsight.servoing.planar import PlanarPose
-from handsight.servoing.view import PreparedView
+from handsight.servoing.prepared_view import PreparedView
 
 CACHE_VERSION = 1
 """Counts changes of the warp that change the inputs' values."""

@@ -18,7 +18,8 @@ from handsight.collection.sim.config import D435_ON_GRIPPER
 from handsight.servoing.camera import HandCamera
 from handsight.servoing.homography import InputGrid, predict_inputs
 from handsight.servoing.planar import PlanarPose, PlanarStep
-from handsight.servoing.view import PreparedView, View
+from handsight.servoing.prepared_view import PreparedView
+from handsight.servoing.view import View
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,8 @@ from handsight.collection.sim.renderer import TINY, Renderer
 from handsight.servoing.camera import HandCamera, Intrinsics
 from handsight.servoing.homography import InputGrid
 from handsight.servoing.planar import PlanarPose
-from handsight.servoing.view import PreparedView, View
+from handsight.servoing.prepared_view import PreparedView
+from handsight.servoing.view import View
 
 HEIGHT_M = 0.4
 FULL = InputGrid(crop_px=300, size_px=300)

@@ -22,7 +22,7 @@ import torch
 
 from handsight.servoing.heatmap import Heatmap
 from handsight.servoing.homography import predict_inputs
-from handsight.servoing.view import PreparedView
+from handsight.servoing.prepared_view import PreparedView
 from handsight.viz import palette
 from handsight.viz.errors import RecordingError
 from handsight.viz.examples import HeatmapExample

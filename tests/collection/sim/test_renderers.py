@@ -41,7 +41,7 @@ from handsight.datasets.records import GraspAttempt, RgbdFrame
 from handsight.servoing.camera import HandCamera
 from handsight.servoing.homography import predict_inputs
 from handsight.servoing.planar import PlanarPose, PlanarStep
-from handsight.servoing.view import PreparedView
+from handsight.servoing.prepared_view import PreparedView
 
 NO_EGL = {"__EGL_VENDOR_LIBRARY_FILENAMES": "/nonexistent"}
 """Makes libEGL find no driver, as on a machine without one."""
@@ -69,7 +69,7 @@ def no_egl(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 
 @pytest.fixture(scope="module")
 def textured_plane(egl: Renderer, tmp_path_factory: pytest.TempPathFactory) -> Iterator[BulletClient]:
-    """A plane at z = 0 with a smooth random texture, in an Bullet client that draws with EGL."""
+    """A plane at z = 0 with a smooth random texture, in a Bullet client that draws with EGL."""
     bullet = open_client(egl)
     square = write_textured_square(tmp_path_factory.mktemp("plane"))
     bullet.createMultiBody(0, -1, bullet.createVisualShape(pb.GEOM_MESH, fileName=str(square)), (0.6, 0.0, 0.0))
@@ -190,7 +190,7 @@ def test_shadows_do_not_depend_on_how_long_the_light_is_given(egl: Renderer) -> 
 
 
 def test_the_plugin_says_nothing(egl: Renderer) -> None:
-    """Whatever it prints would be in the JSON of a command; even when Python leaves with an Bullet client open."""
+    """Whatever it prints would be in the JSON of a command; even when Python leaves with a Bullet client open."""
     code = (
         "from handsight.collection.sim.renderer import *\n"
         "from handsight.collection.sim.renderer import EGL\n"
