@@ -1,6 +1,6 @@
 """Workers on a Ray cluster. The one file that imports Ray, and only when it is asked for.
 
-A worker is an actor with one CPU. Nothing but answers leaves it: whatever is made of them is written by the process that asks.
+A worker is an actor with one CPU. Nothing but answers leaves it; what is made of them is up to the process that asks.
 Every machine of the cluster needs the same environment; Ray itself holds its own and Python's version equal.
 """
 

@@ -28,7 +28,7 @@ def add_table(bullet: BulletClient, *, friction: float = TABLE_FRICTION) -> int:
     """Add the table to an bullet, for contact only, and return its body."""
     half_size = (TABLE_HALF_SIZE_M, TABLE_HALF_SIZE_M, 0.5 * TABLE_THICKNESS_M)
     solid = bullet.createCollisionShape(pybullet.GEOM_BOX, halfExtents=half_size)
-    # Without a visual shape of its own PyBullet would draw the collision shape; a dummy visual inside the table is unseen.
+    # Without a visual shape of its own PyBullet would draw the collision shape; a dummy visual inside it is unseen.
     dummy_visual = bullet.createVisualShape(pybullet.GEOM_SPHERE, radius=1e-4)
     body: int = bullet.createMultiBody(0, solid, dummy_visual, (*TABLE_CENTRE_M, -0.5 * TABLE_THICKNESS_M))
     bullet.changeDynamics(body, -1, lateralFriction=friction)
