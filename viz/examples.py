@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -11,7 +12,8 @@ from handsight.evaluation.label_issues import LabelIssue
 from handsight.servoing.heatmap import Heatmap
 from handsight.servoing.homography import InputGrid
 from handsight.servoing.view import View
-from handsight.viz.pixels import Step
+from handsight.viz.errors import RecordingError
+from handsight.viz.pixels import Step, place_heatmap
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,6 +28,17 @@ class HeatmapExample:
     grid: InputGrid = field(default_factory=InputGrid)
     jaws_m: float = 0.085
     """Opening of the gripper [m]."""
+
+
+def heatmap_faults(examples: Sequence[HeatmapExample]) -> list[str]:
+    """Why examples cannot be drawn: there are none, or the heatmap of some has no place on its picture."""
+    faults = [] if examples else ["there are no examples, expected at least one"]
+    for number, example in enumerate(examples):
+        try:
+            place_heatmap(example.heatmap)
+        except RecordingError as error:
+            faults.append(f"example {number} ({example.title!r}): {error}")
+    return faults
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -11,8 +11,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from handsight.viz import palette
-from handsight.viz.errors import FigureError, RecordingError
-from handsight.viz.examples import HeatmapExample
+from handsight.viz.errors import FigureError
+from handsight.viz.examples import HeatmapExample, heatmap_faults
 from handsight.viz.figures.pictures import DPI, GAP_PX, WIDTH_PX, draw_jaws, frame_picture
 from handsight.viz.figures.style import STYLE, save_png
 from handsight.viz.pixels import CENTRE_PX, PictureFrame, best_step, place_heatmap
@@ -58,15 +58,10 @@ def montage_figure(path: Path, examples: Sequence[HeatmapExample]) -> Path:
 
 
 def _check(examples: Sequence[HeatmapExample]) -> None:
-    faults = [] if examples else ["there are no examples, expected at least one"]
+    faults = heatmap_faults(examples)
     sizes = sorted({example.view.depth_m.shape for example in examples})
     if len(sizes) > 1:
         faults.append(f"pictures have sizes {sizes}, expected one")
-    for number, example in enumerate(examples):
-        try:
-            place_heatmap(example.heatmap)
-        except RecordingError as error:
-            faults.append(f"example {number} ({example.title!r}): {error}")
     if faults:
         raise FigureError("; ".join(faults))
 

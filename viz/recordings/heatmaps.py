@@ -25,7 +25,7 @@ from handsight.servoing.homography import predict_inputs
 from handsight.servoing.prepared_view import PreparedView
 from handsight.viz import palette
 from handsight.viz.errors import RecordingError
-from handsight.viz.examples import HeatmapExample
+from handsight.viz.examples import HeatmapExample, heatmap_faults
 from handsight.viz.pixels import PictureFrame, Step, best_step, place_heatmap
 from handsight.viz.recordings.encoding import DEPTH_UNIT_M, depth_png, height_image, jpeg, log_overlay, png
 from handsight.viz.recordings.glyphs import log_jaws, log_label
@@ -42,22 +42,13 @@ def write_heatmaps(path: Path, examples: Sequence[HeatmapExample]) -> None:
     Raises:
         RecordingError: there is no example, a heatmap does not fit, or ``path`` cannot be written.
     """
-    _check(examples)
+    faults = heatmap_faults(examples)
+    if faults:
+        raise RecordingError("; ".join(faults))
     with write_recording(path, kind=KIND, name="heatmaps", blueprint=_blueprint(examples)) as stream:
         for number, example in enumerate(examples):
             stream.set_time(TIMELINE, sequence=number)
             _log_example(stream, example)
-
-
-def _check(examples: Sequence[HeatmapExample]) -> None:
-    faults = [] if examples else ["there are no examples, expected at least one"]
-    for number, example in enumerate(examples):
-        try:
-            place_heatmap(example.heatmap)
-        except RecordingError as error:
-            faults.append(f"example {number} ({example.title!r}): {error}")
-    if faults:
-        raise RecordingError("; ".join(faults))
 
 
 def _log_example(stream: rr.RecordingStream, example: HeatmapExample) -> None:
