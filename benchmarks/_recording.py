@@ -12,10 +12,10 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks import Figure, duration_s, median_rate, median_s
-from benchmarks._bare_commits import BareRepository, last_commit
-from benchmarks._frames import png, rendered_attempts
-from benchmarks._million import header_of
-from benchmarks._processes import pinned
+from benchmarks.floors.bare_commits import BareRepository, last_commit
+from benchmarks.floors.frames import png, rendered_attempts
+from benchmarks.floors.million import header_of
+from benchmarks.floors.processes import pinned
 from handsight.datasets import GraspDataset, GraspRepository, SessionHeader, SessionWriter
 from handsight.datasets.format.arrays import array_at
 from handsight.datasets.format.frames import frame_paths

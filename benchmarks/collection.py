@@ -11,9 +11,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from benchmarks import Figure
-from benchmarks._kuka import Peer, kuka_peer
-from benchmarks._processes import pinned, proportional_bytes
 from benchmarks._watched_station import PhaseTimes, WatchedStationFactory
+from benchmarks.floors.processes import pinned, proportional_bytes
+from benchmarks.peers.kuka import Peer, kuka_peer
 from handsight.collection.collector import CollectSettings, collect
 from handsight.collection.sim.config import SimConfig
 from handsight.collection.sim.station import SimStationFactory

@@ -16,9 +16,9 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from benchmarks import Figure, median_rate, median_s
-from benchmarks._frames import png
-from benchmarks._million import write_million
 from benchmarks._recording import recording_figures
+from benchmarks.floors.frames import png
+from benchmarks.floors.million import write_million
 from handsight.datasets import GraspDataset, GraspRepository
 from handsight.datasets.inputs.loader import GraspLoader, epoch_order
 from handsight.datasets.inputs.materialize import GraspInputs

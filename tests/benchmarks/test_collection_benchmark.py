@@ -13,10 +13,10 @@ import pytest
 
 from benchmarks import Figure
 from benchmarks.__main__ import report
-from benchmarks._kuka import NAME, Peer, environment, kuka_peer
-from benchmarks._processes import pinned, proportional_bytes
 from benchmarks._watched_station import PhaseTimes, WatchedStationFactory
 from benchmarks.collection import PHASES, SEED, STATION, Size, measure
+from benchmarks.floors.processes import pinned, proportional_bytes
+from benchmarks.peers.kuka import NAME, Peer, environment, kuka_peer
 from handsight.collection.attempt import attempt_seed, run_attempt
 from handsight.collection.policy import UniformPolicy
 from handsight.collection.sim.station import SimStation, SimStationFactory

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 from tests.support.factories import difference, make_attempt, make_header, record
 
-from benchmarks._million import write_million
+from benchmarks.floors.million import write_million
 from handsight.datasets import GraspDataset, GraspRepository, SessionWriter
 from handsight.datasets.curation.curator import Curator
 from handsight.datasets.format.arrays import array_at

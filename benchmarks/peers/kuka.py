@@ -10,12 +10,12 @@ from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 
-from benchmarks._processes import pinned
+from benchmarks.floors.processes import pinned
 from handsight.datasets.address import cache_folder
 
 NAME = "KukaDiverseObjectEnv"
 REQUIREMENTS = ("gym==0.25.2", "setuptools<81", "numpy<2", f"pybullet=={version('pybullet')}")
-SCRIPT = Path(__file__).with_name("_kuka_episodes.py")
+SCRIPT = Path(__file__).with_name("kuka_episodes.py")
 INSTALL_LIMIT_S = 300.0
 RUN_LIMIT_S = 600.0
 

@@ -1,4 +1,4 @@
-"""Random episodes of PyBullet's ``KukaDiverseObjectEnv``: run by :mod:`benchmarks._kuka`, in that one's environment.
+"""Random episodes of PyBullet's ``KukaDiverseObjectEnv``: run by ``kuka.py``, in an environment of its own.
 
 Its gym needs another NumPy than handsight, so nothing of handsight is imported, and gym only by name.
 """

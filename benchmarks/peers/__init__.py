@@ -1,0 +1,1 @@
+"""Programs of other people, measured on the same machine in the same run."""
