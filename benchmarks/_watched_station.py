@@ -1,4 +1,4 @@
-"""A simulated station that notes where its processor time goes, and how much of it is the engine's alone."""
+"""A simulated station that notes where its processor time goes, and how much of it is Bullet alone."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ PHASE_OF_METHOD = {
 """Methods of a station and what their time is booked on. Without shakes, ``shake`` only comes to rest."""
 
 STEP = "stepSimulation"
-ENGINE_CALLS = (STEP, "getCameraImage")
+BULLET_CALLS = (STEP, "getCameraImage")
 
 Arguments = ParamSpec("Arguments")
 Answer = TypeVar("Answer")
@@ -47,7 +47,7 @@ class PhaseTimes:
     """Physics steps."""
     phase_s: dict[str, float] = field(default_factory=_nothing)
     """Whole phases [s]."""
-    engine_s: dict[str, float] = field(default_factory=_nothing)
+    bullet_s: dict[str, float] = field(default_factory=_nothing)
     """Physics steps and camera pictures alone, by the phase they belong to [s]: what no station could do without."""
 
     @classmethod
@@ -63,15 +63,15 @@ class WatchedStationFactory(SimStationFactory):
     notes: Path
 
     def __call__(self) -> SimStation:
-        """Start an engine."""
+        """Start a client."""
         return WatchedStation(self.config, self.notes)
 
 
 class WatchedStation(SimStation):
-    """A simulated station whose phases and engine are timed from outside; it does the same to the last bit."""
+    """A simulated station whose phases and Bullet are timed from outside; it does the same to the last bit."""
 
     def __init__(self, config: SimConfig, notes: Path) -> None:
-        """Start an engine; ``notes`` is written when the station closes."""
+        """Start a client; ``notes`` is written when the station closes."""
         self.times = PhaseTimes()
         self._phase = PHASE_OF_METHOD["reset"]
         self._notes = notes
@@ -80,16 +80,16 @@ class WatchedStation(SimStation):
             setattr(self, method, self._timed_phase(getattr(self, method), phase))
 
     @property
-    def _engine(self) -> BulletClient:
-        return self._watched_engine
+    def _bullet(self) -> BulletClient:
+        return self._watched_bullet
 
-    @_engine.setter
-    def _engine(self, engine: BulletClient) -> None:
-        """Watch every engine that the station turns to, before it hands it on to arm and scene."""
-        self._watched_engine = engine
-        for call in ENGINE_CALLS:
-            if call not in vars(engine):
-                setattr(engine, call, self._timed_call(getattr(engine, call), is_step=call == STEP))
+    @_bullet.setter
+    def _bullet(self, bullet: BulletClient) -> None:
+        """Watch every client that the station turns to, before it hands it on to arm and scene."""
+        self._watched_bullet = bullet
+        for call in BULLET_CALLS:
+            if call not in vars(bullet):
+                setattr(bullet, call, self._timed_call(getattr(bullet, call), is_step=call == STEP))
 
     def _timed_phase(self, method: Callable[Arguments, Answer], phase: str) -> Callable[Arguments, Answer]:
         def timed(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Answer:
@@ -108,12 +108,12 @@ class WatchedStation(SimStation):
             self.times.steps += is_step
             start_s = process_time()
             answer = call(*args, **kwargs)
-            self.times.engine_s[self._phase] += process_time() - start_s
+            self.times.bullet_s[self._phase] += process_time() - start_s
             return answer
 
         return timed
 
     def close(self) -> None:
-        """Stop the engine and leave the times behind."""
+        """Stop the client and leave the times behind."""
         super().close()
         self._notes.write_text(json.dumps(asdict(self.times)))

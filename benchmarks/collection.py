@@ -26,7 +26,7 @@ PAPER_PER_HOUR = 30_000 / 139
 """30,000 attempts in 139 hours, "in a single simulation running on a single desktop computer" (section V-B)."""
 STATION = SimConfig(objects="household-train")
 PHASES = {
-    "settle": "An empty engine, table, arm and five objects, which fall and come to rest",
+    "settle": "An empty world, table, arm and five objects, which fall and come to rest",
     "look": "A 640x480 picture with depth",
     "reach": "The move from the overhead to the pre-grasp pose",
     "descend": "The way down until contact or table",
@@ -135,7 +135,7 @@ def _rate(one: Window, times: PhaseTimes, kuka: Peer) -> Figure:
         n=one.attempts,
         what=(
             f"Simulated attempts on {STATION.objects} with the whole arm and 640x480 RGB-D, stored without loss and "
-            "committed, worker and writer on one core. The floor is the engine's share: the physics steps of these "
+            "committed, worker and writer on one core. The floor is Bullet's share: the physics steps of these "
             f"attempts and one picture of each. The paper took 139 h for 30,000. {kuka.what}"
         ),
     )
@@ -149,7 +149,7 @@ def _over_the_floor(seen: Window, times: PhaseTimes) -> Figure:
         floor=1e3 * _floor_s(times),
         n=seen.attempts,
         what=(
-            "The same attempts with the engine's calls timed, writer included; the floor is the processor time inside "
+            "The same attempts with Bullet's calls timed, writer included; the floor is the processor time inside "
             f"stepSimulation ({times.steps / times.attempts:.0f} steps an attempt) and inside getCameraImage."
         ),
     )
@@ -185,9 +185,9 @@ def _phases(seen: Window, times: PhaseTimes) -> list[Figure]:
             name=f"of it, {phase}",
             ours=1e3 * times.phase_s[phase] / times.attempts,
             unit="ms",
-            floor=1e3 * times.engine_s[phase] / times.attempts,
+            floor=1e3 * times.bullet_s[phase] / times.attempts,
             n=times.attempts,
-            what=f"{what}; the floor is the engine's share of it.",
+            what=f"{what}; the floor is Bullet's share of it.",
         )
         for phase, what in PHASES.items()
     ]
@@ -213,4 +213,4 @@ def _phases(seen: Window, times: PhaseTimes) -> list[Figure]:
 
 
 def _floor_s(times: PhaseTimes) -> float:
-    return sum(times.engine_s.values()) / times.attempts
+    return sum(times.bullet_s.values()) / times.attempts

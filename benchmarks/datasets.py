@@ -1,4 +1,4 @@
-"""The dataset engine: batches for training, writing, size on disk, commits, verification, a million attempts."""
+"""Datasets: batches for training, writing, size on disk, commits, verification, a million attempts."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ SEED = 0
 
 
 def run() -> list[Figure]:
-    """All figures of the dataset engine."""
+    """All figures of datasets."""
     with tempfile.TemporaryDirectory(prefix="handsight-bench-") as folder:
         path = Path(folder)
         figures = [_batches(path / "inputs")]
