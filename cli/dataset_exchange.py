@@ -11,10 +11,8 @@ from handsight.cli.options import Dataset, Json
 from handsight.cli.output import console, print_json, progress_bar
 from handsight.datasets import VIEWS, DatasetAddress, GraspDataset, GraspRepository, View
 from handsight.datasets.interchange import EXPORT_FORMATS, FORMATS, export_dataset, import_dataset
-from handsight.datasets.materialize import materialize
 from handsight.datasets.merge import merge
 from handsight.datasets.transfer import TransferReport
-from handsight.servoing.homography import InputGrid
 
 _IMPORTED = "; ".join(f"{one.name}: {one.description}" for one in FORMATS)
 
@@ -116,6 +114,10 @@ def materialize_command(
     as_json: Json = False,
 ) -> None:
     """Make the network inputs of a version, and print where they are."""
+    # Imported here: PyTorch takes seconds, and the other commands for datasets run where it is not installed.
+    from handsight.datasets.materialize import materialize
+    from handsight.servoing.homography import InputGrid
+
     version = GraspDataset.open(dataset)
     with progress_bar("warp", sum(session.attempts for session in version.sessions)) as bar:
         data = materialize(version, view=_view(view), grid=InputGrid(size_px=size_px), on_attempt=bar.advance)
