@@ -10,7 +10,6 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-import tempfile
 from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -22,6 +21,7 @@ import pandas as pd
 import torch
 from numpy.typing import NDArray
 
+from handsight.datasets.atomic import atomic_file
 from handsight.datasets.errors import NoTrainingDataError
 from handsight.datasets.format.schema import Viewpoint
 from handsight.datasets.reading.reader import GraspDataset
@@ -116,20 +116,15 @@ def _write(
     grid: InputGrid,
     on_attempt: Callable[[], None] | None,
 ) -> None:
-    """Fill a temporary file and rename it: a cache file is whole or absent, whoever else writes the same."""
-    handle, name = tempfile.mkstemp(suffix=".npy", prefix=".unfinished-", dir=path.parent)
-    os.close(handle)
-    try:
-        shape = (len(rows), 4, grid.size_px, grid.size_px)
-        inputs = np.lib.format.open_memmap(name, mode="w+", dtype=np.float16, shape=shape)
+    """A cache file is whole or absent, whoever else writes the same."""
+    shape = (len(rows), 4, grid.size_px, grid.size_px)
+    with atomic_file(path) as unfinished:
+        inputs = np.lib.format.open_memmap(unfinished, mode="w+", dtype=np.float16, shape=shape)
         for row, made in enumerate(_warped(dataset, rows, viewpoint, grid)):
             inputs[row] = made
             if on_attempt is not None:
                 on_attempt()
         inputs.flush()
-        Path(name).rename(path)
-    finally:
-        Path(name).unlink(missing_ok=True)
 
 
 def _warped(

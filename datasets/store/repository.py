@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -16,6 +15,7 @@ import zarr
 from filelock import FileLock, Timeout
 
 from handsight.datasets.address import DEFAULT_REF, Location, S3Prefix, cache_folder, location_of
+from handsight.datasets.atomic import atomic_folder
 from handsight.datasets.errors import (
     CorruptDataError,
     DatasetBusyError,
@@ -98,15 +98,12 @@ class GraspRepository:
                 write_empty(path)
             return cls.open(path)
         path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(prefix=f".{path.name}.new-", dir=path.parent) as folder:
-            fresh = Path(folder) / "dataset"
-            with icechunk_errors(f"cannot create a dataset at {path}"):
-                write_empty(fresh)
-            try:
-                fresh.rename(path)
-            except OSError:
-                refuse_occupied(path)
-                raise
+        try:
+            with atomic_folder(path) as unfinished, icechunk_errors(f"cannot create a dataset at {path}"):
+                write_empty(unfinished)
+        except OSError:
+            refuse_occupied(path)  # Another process may have been first.
+            raise
         sync_file_system(path)
         return cls.open(path)
 
