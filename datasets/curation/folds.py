@@ -20,11 +20,11 @@ from typing import Any, Literal, get_args
 import numpy as np
 import pandas as pd
 import zarr
-from numpy.typing import NDArray
 
 from handsight.datasets.address import DEFAULT_REF
 from handsight.datasets.errors import FoldsError, RefNameError, UnknownNameError
-from handsight.datasets.format.arrays import append_rows, array_at, group_at, read_rows
+from handsight.datasets.format.arrays import append_rows, array_at, group_at, read_all
+from handsight.datasets.format.decisions import trainable
 from handsight.datasets.format.keys import KEY_BYTES, ids_from_keys, keys_from_ids
 from handsight.datasets.format.provenance import utc_now
 from handsight.datasets.format.schema import create_array
@@ -154,9 +154,9 @@ def load_folds(root: zarr.Group, name: str) -> Folds:
     """
     group = group_at(root, f"{FOLDS}/{name}")
     attributes: dict[str, Any] = group.attrs.asdict()
-    ids = ids_from_keys(_all(array_at(group, "attempt")))
+    ids = ids_from_keys(read_all(array_at(group, "attempt")))
     index = pd.Index(ids, dtype="str", name="attempt")
-    fold: pd.Series[int] = pd.Series(_all(array_at(group, "fold")), index=index, dtype="int64", name="fold")
+    fold: pd.Series[int] = pd.Series(read_all(array_at(group, "fold")), index=index, dtype="int64", name="fold")
     return Folds(name=name, fold=fold, **attributes)
 
 
@@ -230,8 +230,7 @@ def assign_folds(
 
 def _divided(dataset: GraspDataset) -> pd.DataFrame:
     """The attempts that training can see."""
-    rows = dataset.attempts
-    return rows[rows["success"].notna() & ~rows["excluded"]]
+    return dataset.attempts[trainable(dataset.attempts)]
 
 
 def attempt_groups(rows: pd.DataFrame, by: Grouping) -> pd.Series[Any]:
@@ -265,7 +264,3 @@ def _write(root: zarr.Group, folds: Folds) -> None:
     create_array(group, "fold", dtype="uint8", row=(), rows=_CHUNK_ROWS)
     append_rows(array_at(group, "attempt"), keys_from_ids(folds.fold.index.tolist()))
     append_rows(array_at(group, "fold"), folds.fold.to_numpy(np.uint8))
-
-
-def _all(array: zarr.Array[Any]) -> NDArray[Any]:
-    return read_rows(array, 0, array.shape[0])

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from handsight.datasets.atomic import atomic_file
 from handsight.datasets.errors import NoTrainingDataError
+from handsight.datasets.format.decisions import trainable
 from handsight.datasets.format.schema import Viewpoint
 from handsight.datasets.reading.reader import GraspDataset
 from handsight.datasets.records import RgbdFrame, StationSpec
@@ -93,7 +94,7 @@ def usable_attempts(dataset: GraspDataset, viewpoint: Viewpoint) -> pd.DataFrame
         NoTrainingDataError: No attempt of this version has a label and the picture asked for.
     """
     rows = dataset.attempts
-    rows = rows[rows["success"].notna() & ~rows["excluded"] & rows[f"{viewpoint}_taken"]]
+    rows = rows[trainable(rows) & rows[f"{viewpoint}_taken"]]
     if rows.empty:
         raise NoTrainingDataError(
             f"{dataset.repository.path}@{dataset.ref} has no labelled attempt with a {viewpoint} picture that is not "

@@ -26,7 +26,7 @@ from handsight.datasets.reading.selection import Selection
 from handsight.datasets.records import PHASES, GraspAttempt, GripperReadings, Outcome, SessionHeader
 from handsight.datasets.store.branches import create_branch, delete_branch
 from handsight.datasets.store.repository import GraspRepository
-from handsight.datasets.writing.blocks import PreparedAttempt, chunk_start, column_paths, prepare
+from handsight.datasets.writing.batches import PreparedAttempt, chunk_start, column_paths, prepare
 from handsight.datasets.writing.change import change_branch
 
 

@@ -36,7 +36,7 @@ from handsight.datasets.records import GraspAttempt, SessionHeader
 from handsight.datasets.store.icechunk_engine import icechunk_errors
 from handsight.datasets.store.layout import check_current
 from handsight.datasets.store.repository import GraspRepository
-from handsight.datasets.writing.blocks import (
+from handsight.datasets.writing.batches import (
     Columns,
     LastChunks,
     column_writes,
