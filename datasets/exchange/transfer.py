@@ -175,9 +175,9 @@ def _write(
     message: str,
     on_attempt: Callable[[], None] | None,
 ) -> str:
-    change = repository.writable(branch)
+    transaction = repository.writable(branch)
     with icechunk_errors(f"cannot write to {repository.path}"):
-        root = zarr.open_group(change.store, mode="r+")
+        root = zarr.open_group(transaction.store, mode="r+")
         sessions = group_at(root, SESSIONS)
         for source in sources:
             group = sessions.create_group(source.ulid, attributes=source.attributes)
@@ -186,7 +186,7 @@ def _write(
         for decision in transplanted(decisions, names, first=len(read_overlay(root).decisions)):
             append_decision(root, decision)
     return repository.commit(
-        change,
+        transaction,
         branch=branch,
         message=message,
         metadata={"attempts_added": sum(source.size for source in sources), "sessions": sorted(names)},

@@ -69,7 +69,7 @@ def prepare(attempt: GraspAttempt, header: SessionHeader, *, session: str, numbe
     if faults:
         raise RecordError(f"attempt {attempt.number} of session {session} is refused: {'; '.join(faults)}")
     row = to_row(attempt, widths=column_widths(header))
-    row["digest"] = np.frombuffer(attempt_digest(attempt, header.station), dtype=np.uint8)
+    row["digest"] = np.frombuffer(attempt_digest(attempt, header.station, row=row), dtype=np.uint8)
     frames = {viewpoint: frame_of(attempt, viewpoint) for viewpoint in VIEWPOINTS}
     columns = {f"attempts/{name}": value for name, value in row.items()}
     poses = {f"{viewpoint}/pose_base_tool": _pose(frame) for viewpoint, frame in frames.items()}

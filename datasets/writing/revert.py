@@ -36,14 +36,14 @@ def revert(repository: GraspRepository, ref: str, *, branch: str = DEFAULT_REF, 
     wanted_id = repository.resolve(ref)
     wanted = repository.root(wanted_id)
 
-    def change(dataset: GraspDataset, root: zarr.Group) -> str | None:
+    def change(dataset: GraspDataset, root: zarr.Group) -> tuple[str | None, None]:
         changed = _match_attributes(root, wanted)
         changed |= _match_sessions(group_at(root, SESSIONS), group_at(wanted, SESSIONS))
         for name in sorted({*root.group_keys(), *wanted.group_keys()} - {SESSIONS}):
             changed |= _match_group(root, wanted, name)
-        return (message or f"revert to {ref} ({wanted_id})") if changed else None
+        return ((message or f"revert to {ref} ({wanted_id})") if changed else None), None
 
-    return change_branch(repository, branch, change)
+    return change_branch(repository, branch, change).snapshot
 
 
 def _match_attributes(group: zarr.Group, wanted: zarr.Group) -> bool:

@@ -125,17 +125,17 @@ def test_unknown_ids_are_all_named(table: pd.DataFrame) -> None:
         select(table, Selection(ids=(table.index[0], *unknown)), {})
 
 
-def test_a_view_and_an_expression_must_both_hold(table: pd.DataFrame) -> None:
-    views = {"cups": "target == 'cup'"}
-    both = select(table, Selection(filter="cups", where="success"), views)
+def test_a_filter_and_an_expression_must_both_hold(table: pd.DataFrame) -> None:
+    filters = {"cups": "target == 'cup'"}
+    both = select(table, Selection(filter="cups", where="success"), filters)
     held = table["success"].fillna(False)
-    assert both == [one for one in select(table, Selection(filter="cups"), views) if held[one]]
+    assert both == [one for one in select(table, Selection(filter="cups"), filters) if held[one]]
     assert len(both) > 0
-    with pytest.raises(WhereError, match=r"no saved filter 'cupz', did you mean cups\? \(views: cups\)"):
-        select(table, Selection(filter="cupz"), views)
+    with pytest.raises(WhereError, match=r"no saved filter 'cupz', did you mean cups\? \(filters: cups\)"):
+        select(table, Selection(filter="cupz"), filters)
 
 
-@pytest.mark.parametrize("which", [{}, {"ids": ("a",), "where": "success"}, {"ids": ("a",), "view": "v"}])
+@pytest.mark.parametrize("which", [{}, {"ids": ("a",), "where": "success"}, {"ids": ("a",), "filter": "v"}])
 def test_a_selection_is_either_ids_or_an_expression(which: dict[str, object]) -> None:
     with pytest.raises(WhereError, match="expected either ids or an expression"):
         Selection(**which)  # type: ignore[arg-type]  # The faults are the point.
