@@ -162,7 +162,7 @@ def test_a_ref_that_cannot_be_read_is_not_taken_for_one_that_is_missing(
 
     repository, spy = spied
     monkeypatch.setattr(spy, "lookup_tag", unreachable, raising=False)
-    with pytest.raises(StorageError, match="cannot look up 'v7' in .*: object store error"):
+    with pytest.raises(StorageError, match=r"cannot look up 'v7' in .*: object store error"):
         repository.resolve("v7")
     assert repository.resolve("main") == repository.branches()["main"]
 
