@@ -13,6 +13,7 @@ from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
 
 from handsight import __version__
+from handsight.datasets.atomic import atomic_file
 from handsight.servoing.homography import InputGrid
 from handsight.training.errors import CheckpointError
 from handsight.training.gqn import GqnConfig, GraspQualityNetwork, Scorer
@@ -88,9 +89,8 @@ def save_run(
         "parameters": sum(parameter.numel() for parameter in network.parameters()),
         "history": [asdict(epoch) for epoch in history],
     }
-    unfinished = folder / f".{RUN_RECORD}.unfinished"
-    unfinished.write_text(json.dumps(record, indent=2) + "\n", encoding="utf-8")
-    unfinished.replace(folder / RUN_RECORD)
+    with atomic_file(folder / RUN_RECORD) as unfinished:
+        unfinished.write_text(json.dumps(record, indent=2) + "\n", encoding="utf-8")
 
 
 def load_run(folder: str | Path) -> TrainedRun:
