@@ -27,6 +27,7 @@ from handsight.datasets.format.sessions import session_from_attributes
 from handsight.datasets.format.upgrades import columns_of, current_attributes, empty_columns
 from handsight.datasets.format.validation import header_faults
 from handsight.datasets.records import GraspAttempt, SessionHeader
+from handsight.datasets.writing.batches import EncodedAttempt
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,6 +44,8 @@ class SessionSource:
     """Number of attempts."""
     attempts: Callable[[], Iterator[GraspAttempt]]
     """Reads the attempts, in the order of their numbers."""
+    encoded: Callable[[], Iterator[EncodedAttempt]] | None = None
+    """Gives the same attempts checked, hashed and encoded, where that was done already; None otherwise."""
 
 
 def checked_source(
