@@ -29,7 +29,7 @@ def joints_for(
     """Joint angles [rad], shape (6,), that put the fingertips at ``pose_base_tool``, closest to ``near_rad``.
 
     Raises:
-        UnreachableError: no solution within the joint limits on the elbow-up branch.
+        UnreachableError: No solution within the joint limits on the elbow-up branch.
     """
     solutions = ur_analytic_ik_ext.ur10.inverse_kinematics_with_tcp(
         np.ascontiguousarray(pose_base_tool), _POSE_FLANGE_TIP

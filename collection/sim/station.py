@@ -76,7 +76,7 @@ def check_object_count(models: Sequence[ObjectModel], config: SimConfig) -> None
     """Refuse a set that cannot fill a scene, in which every object is there once.
 
     Raises:
-        ObjectSetError: it has too few objects.
+        ObjectSetError: It has too few objects.
     """
     if len(models) < config.objects_per_scene:
         raise ObjectSetError(
@@ -92,8 +92,8 @@ class SimStation:
         """Start an Bullet client of its own.
 
         Raises:
-            ObjectSetError: unknown object set, or fewer objects in it than a scene needs.
-            RendererUnavailableError: this machine cannot draw with the renderer asked for.
+            ObjectSetError: Unknown object set, or fewer objects in it than a scene needs.
+            RendererUnavailableError: This machine cannot draw with the renderer asked for.
         """
         self._config = config
         self._models = load_object_set(config.objects)
