@@ -20,6 +20,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from handsight.datasets.curation.folds import UNKNOWN_GROUP, assign_folds, attempt_groups
+from handsight.datasets.errors import counted
 from handsight.evaluation.errors import EvaluationSettingsError, LabelIssuesError
 from handsight.training.metrics import Metrics, evaluate_scores
 
@@ -75,9 +76,9 @@ class LabelReview:
         """How good the networks are that doubt, in words."""
         attempts, accuracy, auc = self.quality.attempts, self.quality.accuracy, self.quality.auc
         if accuracy is None or auc is None:
-            return f"cross-validated on {attempts} attempts of one label: the doubt says nothing"
+            return f"cross-validated on {counted(attempts, 'attempt')} of one label: the doubt says nothing"
         return (
-            f"cross-validated on {attempts} attempts: balanced accuracy {accuracy:.2f}, AUC {auc:.2f}; "
+            f"cross-validated on {counted(attempts, 'attempt')}: balanced accuracy {accuracy:.2f}, AUC {auc:.2f}; "
             "with an AUC of 0.5 this list would be chance"
         )
 

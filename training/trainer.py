@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional
 
+from handsight.datasets.errors import counted
 from handsight.datasets.inputs.augmentation import FLIPS, Jitter, flipped
 from handsight.datasets.inputs.materialize import GraspInputs
 from handsight.training.errors import TrainerSettingsError, TrainingDataError
@@ -87,7 +88,8 @@ def train(
     positives = float(labels[used].sum())
     if positives in (0.0, float(len(used))):
         raise TrainingDataError(
-            f"{positives:.0f} of {len(used)} attempts are successes, expected some of both: collect more attempts"
+            f"{positives:.0f} of {counted(len(used), 'attempt')} are successes, expected some of both: "
+            "collect more attempts"
         )
     # Everything random hangs on one generator, but for the initial weights, which torch draws from its global one.
     generator = torch.Generator().manual_seed(settings.seed)
@@ -140,7 +142,7 @@ def train(
 
 
 def predict(network: GraspQualityNetwork, inputs: NDArray[np.float16], rows: Tensor) -> NDArray[np.float32]:
-    """Predicted success of some rows of materialised inputs. Shape (len(rows),)."""
+    """Predicted success of some rows of materialized inputs. Shape (len(rows),)."""
     score = Scorer(network)
     scores = [score(_read(inputs, batch)) for batch in rows.split(SCORE_BATCH) if len(batch)]
     return torch.cat(scores).numpy() if scores else np.empty(0, np.float32)

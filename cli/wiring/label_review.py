@@ -17,6 +17,7 @@ from handsight.cli.errors import EXPECTED, CommandError
 from handsight.cli.output import progress_bar
 from handsight.datasets.address import DEFAULT_REF
 from handsight.datasets.curation.folds import read_folds
+from handsight.datasets.errors import counted
 from handsight.datasets.format.schema import Viewpoint
 from handsight.datasets.inputs.materialize import GraspInputs, materialize, usable_attempts
 from handsight.datasets.reading.reader import GraspDataset
@@ -98,7 +99,9 @@ def _folds(dataset: GraspDataset, attempts: pd.DataFrame, name: str, seed: int) 
 def _listed(attempts: pd.DataFrame, where: str) -> NDArray[np.bool_]:
     listed = matches(attempts, where).to_numpy(dtype=bool) if where else np.ones(len(attempts), bool)
     if not listed.any():
-        raise CommandError(f"--where {where!r} holds for none of {len(attempts)} labelled attempts: loosen it")
+        raise CommandError(
+            f"--where {where!r} holds for none of {counted(len(attempts), 'labelled attempt')}: loosen it"
+        )
     return listed
 
 

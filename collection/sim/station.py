@@ -24,6 +24,7 @@ from handsight.collection.sim.renderer import EmptyClients, renderer_named
 from handsight.collection.sim.scene import Scene
 from handsight.collection.sim.table import TABLE_FRICTION, add_table, wooden_table
 from handsight.collection.station import Descent, Workspace
+from handsight.datasets.errors import counted
 from handsight.datasets.records import RgbdFrame, SceneObjects, StationSpec
 from handsight.servoing.planar import PlanarPose
 
@@ -80,7 +81,7 @@ def check_object_count(models: Sequence[ObjectModel], config: SimConfig) -> None
     """
     if len(models) < config.objects_per_scene:
         raise ObjectSetError(
-            f"object set {config.objects!r} has {len(models)} objects, "
+            f"object set {config.objects!r} has {counted(len(models), 'object')}, "
             f"expected at least the {config.objects_per_scene} of a scene"
         )
 

@@ -16,7 +16,7 @@ from typing import Any
 import zarr
 
 from handsight.datasets.address import DEFAULT_REF
-from handsight.datasets.errors import CorruptDataError, MergeError, SessionConflictError
+from handsight.datasets.errors import CorruptDataError, MergeError, SessionConflictError, counted
 from handsight.datasets.exchange.sources import SessionSource
 from handsight.datasets.format.arrays import array_at, group_at, layouts_of, read_all, run_concurrently
 from handsight.datasets.format.decisions import Action, Decision, append_decision, read_overlay
@@ -133,14 +133,14 @@ def _contradictions(sources: Sequence[SessionSource], present: dict[str, list[by
             faults.append(f"session {source.ulid} comes twice")
         seen.add(source.ulid)
         if source.ulid in present:
-            count = len(present[source.ulid])
-            faults.append(f"session {source.ulid} is there with {count} attempts and other content than the source's")
+            count = counted(len(present[source.ulid]), "attempt")
+            faults.append(f"session {source.ulid} is there with {count} and other content than the source's")
             continue
         shared = [digest for digest in source.digests if digest in known]
         if shared:
             faults.append(
-                f"{len(shared)} of the {source.size} attempts of session {source.ulid} are there already, in session "
-                f"{known[shared[0]]}: sessions are taken whole or not at all"
+                f"session {source.ulid} shares {len(shared)} of its {counted(source.size, 'attempt')} with session "
+                f"{known[shared[0]]}, which is there: sessions are taken whole or not at all"
             )
     return faults
 
@@ -224,7 +224,7 @@ def _write_session(group: zarr.Group, source: SessionSource, on_attempt: Callabl
         run_concurrently(writes)
         stored += len(rows)
     if stored != source.size:
-        raise CorruptDataError(f"session {source.ulid} ends after {stored} attempts, expected {source.size}")
+        raise CorruptDataError(f"session {source.ulid} ends after {counted(stored, 'attempt')}, expected {source.size}")
 
 
 def _encoded(source: SessionSource, encoder: FrameEncoder) -> Iterator[EncodedAttempt]:
