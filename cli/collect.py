@@ -16,6 +16,7 @@ from handsight.cli.wiring.renderers import Renderer, with_renderer
 from handsight.cli.wiring.scene_pictures import picture_command
 from handsight.cli.wiring.stations import randomized, sim_station
 from handsight.collection.collector import CollectReport, CollectSettings, StationFactory, collect
+from handsight.datasets.errors import counted
 from handsight.datasets.records import GraspAttempt
 from handsight.datasets.store.repository import GraspRepository
 from handsight.jobs.engine import LOCAL, Engine
@@ -94,8 +95,8 @@ def collect_sim(
     else:
         added = report.attempts - report.resumed_from
         console.print(
-            f"[bold]{dataset}[/]: session {report.session} holds {report.attempts} attempts, {added} of them new, "
-            f"{report.successes} of these successful"
+            f"[bold]{dataset}[/]: session {report.session} holds {counted(report.attempts, 'attempt')}, {added} of "
+            f"them new, {report.successes} of these successful"
         )
 
 

@@ -23,6 +23,7 @@ from handsight.cli.train import describe, train_to_folder
 from handsight.cli.wiring.stations import sim_station
 from handsight.collection.collector import CollectSettings
 from handsight.datasets.atomic import atomic_file
+from handsight.datasets.errors import counted
 from handsight.datasets.reading.reader import GraspDataset
 from handsight.datasets.store.repository import GraspRepository
 from handsight.evaluation.evaluate import EvaluationSettings, TrialContextFactory, record_trial
@@ -99,7 +100,7 @@ def demo(
 
 def _collect(paths: DemoPaths, settings: CollectSettings) -> str:
     """Collect what is missing and release it; returns the release's name."""
-    _headline(f"1  Collect {settings.attempts} grasp attempts in simulation")
+    _headline(f"1  Collect {counted(settings.attempts, 'grasp attempt')} in simulation")
     collect_with_progress(paths.dataset, sim_station(TRAINING_OBJECTS), settings, resume=True)
     repository = GraspRepository.open(paths.dataset)
     name = f"demo-seed{settings.seed}-{settings.attempts}"
@@ -107,8 +108,8 @@ def _collect(paths: DemoPaths, settings: CollectSettings) -> str:
         repository.release(name, message="collected by 'handsight demo'")
     facts = GraspDataset.open(f"{paths.dataset}@{name}").info()
     console.print(
-        f"   {paths.dataset}@{name}: {facts.attempts} attempts, {facts.successes / facts.attempts:.1%} of the random "
-        f"grasps succeed, {facts.bytes / 1e6:.0f} MB, digest {facts.digest[:12]}"
+        f"   {paths.dataset}@{name}: {counted(facts.attempts, 'attempt')}, {facts.successes / facts.attempts:.1%} of "
+        f"the random grasps succeed, {facts.bytes / 1e6:.0f} MB, digest {facts.digest[:12]}"
     )
     return name
 

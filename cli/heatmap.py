@@ -10,6 +10,7 @@ import typer
 
 from handsight.cli.options import Dataset, Model
 from handsight.cli.output import console, progress_bar
+from handsight.datasets.errors import counted
 from handsight.datasets.reading.reader import GraspDataset
 from handsight.datasets.views import station_view
 from handsight.servoing.heatmap import grasp_heatmap
@@ -44,7 +45,7 @@ def heatmap_command(
     chosen = attempts or latest_attempts(opened, count)
     examples = heatmap_examples(opened, chosen, model, spacing_px=spacing_px)
     write_heatmaps(out, examples)
-    console.print(f"[bold]{out}[/]: heatmaps of {len(chosen)} attempts; open it with 'rerun {out}'")
+    console.print(f"[bold]{out}[/]: heatmaps of {counted(len(chosen), 'attempt')}; open it with 'rerun {out}'")
     if picture is not None:
         montage_figure(picture, examples[:COLUMNS])
         console.print(f"[bold]{picture}[/]: the first {len(examples[:COLUMNS])} of them")

@@ -15,6 +15,7 @@ from handsight.cli.options import Json
 from handsight.cli.output import console, errors, print_json, print_table, progress_bar
 from handsight.collection.errors import MeshImportError
 from handsight.collection.sim.objects import list_object_sets
+from handsight.datasets.errors import counted
 
 if TYPE_CHECKING:
     # Trimesh and CoACD are slow to import, and listing sets needs neither.
@@ -97,9 +98,8 @@ def _show_plan(plan: ImportPlan, *, as_json: bool) -> None:
     ]
     print_table(("object", "size [mm]", "mass [g]", "triangles", "looks", "file"), rows)
     what = "was imported before, nothing would change" if plan.reused else "would be made"
-    console.print(
-        f"object set [bold]{plan.name}[/] with {len(plan.objects)} objects {what} ({escape(str(plan.folder))})"
-    )
+    count = counted(len(plan.objects), "object")
+    console.print(f"object set [bold]{plan.name}[/] with {count} {what} ({escape(str(plan.folder))})")
 
 
 def _show_report(report: ImportReport, *, as_json: bool) -> None:
@@ -112,7 +112,7 @@ def _show_report(report: ImportReport, *, as_json: bool) -> None:
 
 def _show_set(made: ImportPlan | ImportReport, what: str) -> None:
     folder = escape(str(made.folder))
-    console.print(f"object set [bold]{made.name}[/] with {len(made.objects)} objects {what} ({folder})")
+    console.print(f"object set [bold]{made.name}[/] with {counted(len(made.objects), 'object')} {what} ({folder})")
 
 
 def _show_skipped(folder: Path, skipped: Sequence[SkippedMesh]) -> None:

@@ -9,6 +9,7 @@ import typer
 
 from handsight.cli.options import Dataset, Json, Seed
 from handsight.cli.output import console, print_json, progress_bar
+from handsight.datasets.errors import counted
 from handsight.datasets.inputs.materialize import GraspInputs, materialize
 from handsight.datasets.reading.reader import GraspDataset
 from handsight.servoing.homography import InputGrid
@@ -43,15 +44,14 @@ def describe(held_out: Metrics) -> str:
     """How good the network is, in words."""
     if held_out.accuracy is None or held_out.auc is None:
         return f"too few attempts kept aside ({held_out.attempts}) to say how good it is"
-    return (
-        f"balanced accuracy {held_out.accuracy:.2f}, AUC {held_out.auc:.2f} on {held_out.attempts} attempts kept aside"
-    )
+    count = counted(held_out.attempts, "attempt")
+    return f"balanced accuracy {held_out.accuracy:.2f}, AUC {held_out.auc:.2f} on {count} kept aside"
 
 
 def train_to_folder(
     dataset: GraspDataset, name: str, out: Path, settings: TrainSettings, *, viewpoint: Literal["overhead", "pregrasp"]
 ) -> Epoch:
-    """Materialise, train and save behind progress bars; returns the last epoch."""
+    """Materialize, train and save behind progress bars; returns the last epoch."""
     check_run_folder(out)
     grid = InputGrid(size_px=settings.network.size_px)
     data = _materialize(dataset, viewpoint, grid)

@@ -74,7 +74,7 @@ def execute_grasp(progress: AttemptProgress) -> None:
     """The fixed grasp policy from wherever the gripper stands: down until contact or table, close, lift, shake.
 
     Raises:
-        PhaseError: a phase did not complete; ``progress`` holds what was measured before it.
+        PhaseError: A phase did not complete; ``progress`` holds what was measured before it.
     """
     station = progress.station
     progress.before_m = station.width_m
@@ -94,7 +94,7 @@ def begin_attempt(progress: AttemptProgress, policy: PregraspPolicy, streams: At
     """A new scene, the overhead picture, and the move to the pre-grasp pose that ``policy`` chooses.
 
     Raises:
-        PhaseError: a phase did not complete; ``progress`` holds what was measured before it.
+        PhaseError: A phase did not complete; ``progress`` holds what was measured before it.
     """
     station = progress.station
     progress.scene = station.reset(streams.scene)

@@ -16,7 +16,7 @@ from handsight.collection.attempt import attempt_seed, run_attempt
 from handsight.collection.errors import CollectionSettingsError
 from handsight.collection.policy import PregraspPolicy, UniformPolicy
 from handsight.collection.station import Station
-from handsight.datasets.errors import DatasetError, SessionNotFoundError
+from handsight.datasets.errors import DatasetError, SessionNotFoundError, counted
 from handsight.datasets.records import GraspAttempt, SessionHeader, StationSpec
 from handsight.datasets.store.repository import GraspRepository
 from handsight.datasets.writing.writer import SessionWriter
@@ -165,7 +165,7 @@ def _commit_on_error(writer: SessionWriter) -> Iterator[None]:
     except WorkerDiedError as error:
         writer.commit()
         raise WorkerDiedError(
-            f"{error}; the {writer.next_number} attempts before it are committed: go on with --resume, perhaps with "
+            f"{error}; {counted(writer.next_number, 'attempt')} before it committed: go on with --resume, perhaps with "
             "fewer --workers"
         ) from error
     except BaseException:

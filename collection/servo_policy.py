@@ -68,7 +68,7 @@ class ServoPolicy:
         """Draw a pose and, unless the attempt is one of the random share, servo from it.
 
         Raises:
-            UnreachableError: the pose drawn cannot be reached.
+            UnreachableError: The pose drawn cannot be reached.
         """
         drawn = self.start.choose(station, scene, rng)
         if rng.random() < self.random_share:

@@ -54,7 +54,7 @@ def atomic_folder(path: Path, *, beside: Path | None = None, durable: bool = Fal
             files and in the folders below is for the block to sync.
 
     Raises:
-        OSError: The folder cannot be renamed or synced, for instance because somebody else was first.
+        OSError: The folder cannot be renamed or synced, for instance because another process was first.
     """
     parent = path.parent if beside is None else beside
     with tempfile.TemporaryDirectory(prefix=f".{path.name}.unfinished-", dir=parent) as temporary:

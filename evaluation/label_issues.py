@@ -20,6 +20,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from handsight.datasets.errors import counted
 from handsight.training.metrics import Metrics, evaluate_scores
 
 SHARE_OF_PRIOR = 0.5
@@ -74,9 +75,9 @@ class LabelReview:
         """How good the networks are, in words."""
         attempts, accuracy, auc = self.metrics.attempts, self.metrics.accuracy, self.metrics.auc
         if accuracy is None or auc is None:
-            return f"cross-validated on {attempts} attempts of one label: the label quality says nothing"
+            return f"cross-validated on {counted(attempts, 'attempt')} of one label: the label quality says nothing"
         return (
-            f"cross-validated on {attempts} attempts: balanced accuracy {accuracy:.2f}, AUC {auc:.2f}; "
+            f"cross-validated on {counted(attempts, 'attempt')}: balanced accuracy {accuracy:.2f}, AUC {auc:.2f}; "
             "with an AUC of 0.5 this list would be chance"
         )
 

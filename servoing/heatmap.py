@@ -40,7 +40,7 @@ def grasp_heatmap(
     """Score a translation to every ``spacing_px``-th pixel of the picture, all with the same turn.
 
     Raises:
-        ServoSettingsError: the spacing is not positive.
+        ServoSettingsError: The spacing is not positive.
     """
     if spacing_px < 1:
         raise ServoSettingsError(f"heatmap spacing is {spacing_px} px, expected at least 1")

@@ -41,7 +41,7 @@ class View:
         """Distance of the plane on which everything is assumed to lie: the mean valid depth (section III-A) [m].
 
         Raises:
-            ImageError: no pixel has a valid depth.
+            ImageError: No pixel has a valid depth.
         """
         valid = self.valid
         if not valid.any():

@@ -10,6 +10,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from handsight.datasets.errors import counted
 from handsight.datasets.inputs.materialize import GraspInputs
 from handsight.training.errors import TrainingDataError
 from handsight.training.metrics import Metrics, evaluate_scores
@@ -71,14 +72,16 @@ def check_folds(labels: NDArray[np.float32], fold_of_attempt: NDArray[Any]) -> N
     if fold_of_attempt.shape != labels.shape or not np.issubdtype(fold_of_attempt.dtype, np.integer):
         raise TrainingDataError(
             f"folds are {fold_of_attempt.dtype} of shape {fold_of_attempt.shape}, expected a whole number for each of "
-            f"{len(labels)} attempts"
+            f"{counted(len(labels), 'attempt')}"
         )
     folds = np.unique(fold_of_attempt)
     faults = [] if len(folds) > 1 else [f"there are {len(folds)} folds, expected at least 2"]
     for fold in folds.tolist():
         own = labels[fold_of_attempt == fold]
         if own.min() == own.max():
-            faults.append(f"fold {fold} has {own.sum():.0f} successes in {len(own)} attempts, expected some of both")
+            faults.append(
+                f"fold {fold} has {own.sum():.0f} successes in {counted(len(own), 'attempt')}, expected some of both"
+            )
     if faults:
         more = f"; and {len(faults) - _FAULTS_LISTED} more" if len(faults) > _FAULTS_LISTED else ""
         raise TrainingDataError(

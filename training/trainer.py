@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional
 
+from handsight.datasets.errors import counted
 from handsight.datasets.inputs.augmentation import FLIPS, Jitter, flipped
 from handsight.datasets.inputs.loader import GraspLoader
 from handsight.datasets.inputs.materialize import GraspInputs
@@ -111,7 +112,7 @@ def _check_labels(labels: NDArray[np.float32]) -> None:
     positives = int(labels.sum())
     if positives in (0, len(labels)):
         raise TrainingDataError(
-            f"{positives} of {len(labels)} attempts are successes, expected some of both: collect more attempts"
+            f"{positives} of {counted(len(labels), 'attempt')} are successes, expected some of both: collect more attempts"
         )
 
 

@@ -84,7 +84,7 @@ def place_heatmap(heatmap: Heatmap) -> GridPlacement:
     """The placement that puts the centre of every cell on the raw pixel that it scores.
 
     Raises:
-        RecordingError: the grid is not regular, scores and grid have different shapes, or a score is not a number.
+        RecordingError: The grid is not regular, scores and grid have different shapes, or a score is not a number.
     """
     shape = (len(heatmap.rows_px), len(heatmap.columns_px))
     if heatmap.scores.shape != shape:

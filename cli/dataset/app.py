@@ -10,6 +10,7 @@ from handsight.cli.dataset import curation, exchange, inspect, integrity, suspec
 from handsight.cli.options import Dataset, DatasetPath, Json
 from handsight.cli.output import console, print_json, print_table
 from handsight.datasets.address import DatasetAddress
+from handsight.datasets.errors import counted
 from handsight.datasets.reading.reader import GraspDataset
 from handsight.datasets.store.repository import GraspRepository
 
@@ -34,7 +35,7 @@ def info(dataset: Dataset, as_json: Json = False) -> None:
     share = f" ({facts.successes / labelled:.1%} of {labelled} labelled)" if labelled else ""
     rows = [
         ("version", f"{facts.ref} ({facts.snapshot})"),
-        ("attempts", f"{facts.attempts} in {facts.sessions} session{'' if facts.sessions == 1 else 's'}"),
+        ("attempts", f"{facts.attempts} in {counted(facts.sessions, 'session')}"),
         ("successes", f"{facts.successes}{share}"),
         ("outcomes", ", ".join(f"{count} {name}" for name, count in facts.outcomes.items())),
         ("excluded", str(facts.excluded)),

@@ -14,6 +14,7 @@ from handsight.datasets.address import DatasetAddress
 from handsight.datasets.curation.curator import Curator
 from handsight.datasets.curation.folds import Folds, Grouping, fold_names, make_folds, read_folds
 from handsight.datasets.curation.saved_filters import forget_filter, save_filter
+from handsight.datasets.errors import counted
 from handsight.datasets.format.decisions import Decision
 from handsight.datasets.format.saved_filters import read_filters
 from handsight.datasets.reading.reader import GraspDataset
@@ -109,12 +110,12 @@ def undo(
     author: Author = "",
     as_json: Json = False,
 ) -> None:
-    """Let a decision of curation count no longer; undoing the undo brings it back."""
+    """Revert a curation decision; undoing the undo brings it back."""
     decided = _curator(dataset, author).undo(number, reason)
     if as_json:
         print_json(_decision_json(decided, counts=True))
     else:
-        console.print(f"decision {decided.value} counts no longer (undone by decision {decided.number})")
+        console.print(f"decision {decided.value} is reverted (undone by decision {decided.number})")
 
 
 def decisions(dataset: Dataset, as_json: Json = False) -> None:
@@ -154,7 +155,7 @@ def filter_command(
         console.print(f"forgot filter [bold]{name}[/]")
     elif name and where:
         found = save_filter(repository, name, where, author=_author(author), branch=address.ref, replace=replace)
-        console.print(f"saved filter [bold]{name}[/]: {found} attempts match now")
+        console.print(f"saved filter [bold]{name}[/]: {counted(found, 'attempt')} matching now")
     elif name:
         raise typer.BadParameter("give the filter an expression, or --delete it", param_hint="--where")
     else:
@@ -245,7 +246,7 @@ def _report(verb: str, decided: Decision | None, *, dry_run: bool, as_json: bool
         console.print("nothing to do: no attempt would change")
         return
     would = "would have " if dry_run else ""
-    console.print(f"{would}{verb} {len(attempts)} attempt{'' if len(attempts) == 1 else 's'}")
+    console.print(f"{would}{verb} {counted(len(attempts), 'attempt')}")
     if decided is not None and not dry_run:
         console.print(f"take it back with 'handsight dataset undo DATASET {decided.number}'")
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -10,6 +11,7 @@ import typer
 from handsight.cli.options import Dataset, Json
 from handsight.cli.output import console, print_json, progress_bar
 from handsight.datasets.address import DatasetAddress
+from handsight.datasets.errors import counted
 from handsight.datasets.exchange.commands import export_dataset, import_dataset
 from handsight.datasets.exchange.formats import EXPORT_FORMATS, FORMATS
 from handsight.datasets.exchange.merge import merge
@@ -49,7 +51,7 @@ def export_command(
     if as_json:
         print_json({"format": format, "target": target, "attempts": attempts, "digest": version.digest})
         return
-    console.print(f"exported {attempts} attempts of {dataset} to [bold]{target}[/] ({format})")
+    console.print(f"exported {counted(attempts, 'attempt')} of {dataset} to [bold]{target}[/] ({format})")
 
 
 def import_command(
@@ -62,17 +64,17 @@ def import_command(
     as_json: Json = False,
 ) -> None:
     """Add what another format holds to a dataset: all of it or, after any fault, nothing."""
-    report = import_dataset(source, dataset, format=format, branch=branch, allow_mismatch=allow_mismatch, dry_run=True)
-    if not dry_run:
-        with progress_bar("import", report.transfer.attempts) as bar:
-            report = import_dataset(
-                source,
-                dataset,
-                format=report.format,
-                branch=branch,
-                allow_mismatch=allow_mismatch,
-                on_attempt=bar.advance,
-            )
+    with progress_bar("import", 0) as bar:
+        report = import_dataset(
+            source,
+            dataset,
+            format=format,
+            branch=branch,
+            allow_mismatch=allow_mismatch,
+            dry_run=dry_run,
+            on_total=partial(bar.of, 0),
+            on_attempt=bar.advance,
+        )
     if as_json:
         print_json({"format": report.format, "created": report.created, **_as_json(report.transfer)})
         return
@@ -93,18 +95,17 @@ def merge_command(
     """Copy sessions of one dataset into another; those it has already are left out."""
     version = GraspDataset.open(source)
     target = GraspRepository.open(DatasetAddress.parse(dataset).path)
-    plan = merge(version, target, sessions=session, branch=branch, allow_mismatch=allow_mismatch, dry_run=True)
-    report = plan
-    if not dry_run:
-        with progress_bar("merge", plan.attempts) as bar:
-            report = merge(
-                version,
-                target,
-                sessions=session,
-                branch=branch,
-                allow_mismatch=allow_mismatch,
-                on_attempt=bar.advance,
-            )
+    with progress_bar("merge", 0) as bar:
+        report = merge(
+            version,
+            target,
+            sessions=session,
+            branch=branch,
+            allow_mismatch=allow_mismatch,
+            dry_run=dry_run,
+            on_total=partial(bar.of, 0),
+            on_attempt=bar.advance,
+        )
     if as_json:
         print_json(_as_json(report))
         return
@@ -131,7 +132,7 @@ def materialize_command(
     if as_json:
         print_json(facts)
         return
-    console.print(f"{len(data.inputs)} inputs of {dataset} in [bold]{data.file}[/]")
+    console.print(f"{counted(len(data.inputs), 'input')} of {dataset} in [bold]{data.file}[/]")
 
 
 def _view(name: str) -> Viewpoint:
@@ -152,8 +153,7 @@ def _as_json(report: TransferReport) -> dict[str, object]:
 
 def _print_report(report: TransferReport, source: str, target: str, *, dry_run: bool) -> None:
     verb = "would add" if dry_run else "added"
-    count = len(report.sessions)
-    sessions = f"{count} session{'' if count == 1 else 's'} with {report.attempts} attempts"
+    sessions = f"{counted(len(report.sessions), 'session')} with {counted(report.attempts, 'attempt')}"
     console.print(f"{verb} {sessions} of {source} to [bold]{target}[/]")
     for ulid in report.duplicates:
         console.print(f"left out session {ulid}: its attempts are there already")

@@ -13,6 +13,7 @@ from handsight.cli.dataset.curation import Filter, Where
 from handsight.cli.errors import CommandError
 from handsight.cli.options import Dataset, Json
 from handsight.cli.output import console, errors, print_json, print_table
+from handsight.datasets.errors import counted
 from handsight.datasets.reading.listing import Listed, Listing, list_attempts
 from handsight.datasets.reading.reader import GraspDataset
 from handsight.datasets.records import GraspAttempt, StationSpec
@@ -137,7 +138,7 @@ def _print_counts(found: Listed, listing: Listing, to: Console) -> None:
     which = f"the {'first' if listing.sort else 'last'} {shown}"
     order = f" by {listing.sort}, {'largest' if listing.reverse else 'smallest'} first" if listing.sort else ""
     if listing.where or listing.filter:
-        match = f"{found.matched} of {found.total} attempts match"
+        match = f"{found.matched} of {counted(found.total, 'attempt')} match"
         if shown < found.matched:
             to.print(f"{match}; shown are {which}{order}; --limit 0 shows all")
         else:

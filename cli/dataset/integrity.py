@@ -15,6 +15,7 @@ import typer
 
 from handsight.cli.options import Dataset, DatasetPath, Json, Seed
 from handsight.cli.output import console, print_json, print_table, progress_bar
+from handsight.datasets.errors import counted
 from handsight.datasets.format.schema import VIEWPOINTS
 from handsight.datasets.integrity.doctor.examine import doctor
 from handsight.datasets.integrity.maintenance import collect_garbage, expire
@@ -63,7 +64,7 @@ def stats(
         print_json(found)
         return
     console.print(
-        f"{found.successes} of {found.labelled} labelled attempts succeed; "
+        f"{found.successes} of {counted(found.labelled, 'labelled attempt')} succeed; "
         f"{found.unlabelled} carry no label, {found.excluded} are excluded"
     )
     for title, shares in (
@@ -102,7 +103,7 @@ def doctor_command(
     seed: Seed = 0,
     as_json: Json = False,
 ) -> None:
-    """Check whether a version is fit to learn from; exit 1 when there are errors or warnings."""
+    """Check whether a version can be learned from; exit 1 when there are errors or warnings."""
     opened = GraspDataset.open(dataset)
     total = sum(int(opened.attempts[f"{viewpoint}_taken"].sum()) for viewpoint in VIEWPOINTS) if deep else 0
     with progress_bar("examine", total) as bar, _simulator(model, wanted=resimulate > 0) as simulate:
@@ -120,7 +121,9 @@ def doctor_command(
         rows = [(one.code, one.severity, one.message, ", ".join(one.attempts[:3])) for one in found.findings]
         if rows:
             print_table(("code", "severity", "finding", "attempts"), rows)
-        console.print("fit to learn from" if found.ok else "look into the above; exclude what is bad, and run again")
+        console.print(
+            "no errors or warnings" if found.ok else "fix the findings above, or exclude what is bad, and run again"
+        )
     if not found.ok:
         raise typer.Exit(1)
 
@@ -164,7 +167,7 @@ def repair_command(
     opened = GraspDataset.open(dataset)
     report = _verified(opened, 0)
     if report.ok:
-        console.print(f"nothing is damaged in {report.checked} attempts: no branch was made")
+        console.print(f"nothing is damaged in {counted(report.checked, 'attempt')}: no branch was made")
         return
     with _simulator(model, wanted=resimulate) as simulate:
         done = repair(opened, report, branch=branch, author=author or getpass.getuser(), resimulate=simulate)
@@ -172,7 +175,8 @@ def repair_command(
         print_json(done)
         return
     console.print(
-        f"branch [bold]{done.branch}[/] ({done.snapshot}): {len(done.simulated)} attempts brought back by simulation, "
+        f"branch [bold]{done.branch}[/] ({done.snapshot}): {counted(len(done.simulated), 'attempt')} brought back by "
+        "simulation, "
         f"{len(done.lost)} lost and excluded"
     )
 
@@ -192,8 +196,9 @@ def gc(
         return
     would = "would have deleted" if dry_run else "deleted"
     console.print(
-        f"{would} {report.bytes / 1e6:.1f} MB: {report.chunks} chunks, {report.snapshots} snapshots, "
-        f"{report.other_files} other files from before {report.older_than:%Y-%m-%d %H:%M:%S} UTC"
+        f"{would} {report.bytes / 1e6:.1f} MB: {counted(report.chunks, 'chunk')}, "
+        f"{counted(report.snapshots, 'snapshot')}, {counted(report.other_files, 'other file')} "
+        f"from before {report.older_than:%Y-%m-%d %H:%M:%S} UTC"
     )
     for session in report.retained_by:
         console.print(f"session {session} is open and may be writing: nothing younger than its last commit is touched")
@@ -213,7 +218,9 @@ def expire_command(
         print_json(report)
         return
     would = "would have dropped" if dry_run else "dropped"
-    console.print(f"{would} {len(report.snapshots)} commits from before {report.older_than:%Y-%m-%d %H:%M:%S} UTC")
+    console.print(
+        f"{would} {counted(len(report.snapshots), 'commit')} from before {report.older_than:%Y-%m-%d %H:%M:%S} UTC"
+    )
 
 
 def _verified(dataset: GraspDataset, jobs: int) -> VerifyReport:
@@ -227,7 +234,7 @@ def _print_verified(report: VerifyReport) -> None:
     for damage in report.damage:
         console.print(damage)
     verdict = "as recorded" if report.ok else f"{len(report.corrupt)} of them corrupt"
-    console.print(f"{report.checked} attempts, {report.bytes / 1e6:.1f} MB read: {verdict}")
+    console.print(f"{counted(report.checked, 'attempt')}, {report.bytes / 1e6:.1f} MB read: {verdict}")
 
 
 def _share_row(share: Share) -> tuple[str, str, str]:

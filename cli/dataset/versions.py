@@ -9,7 +9,7 @@ import typer
 from handsight.cli.options import Dataset, Json
 from handsight.cli.output import console, print_json, print_table
 from handsight.datasets.address import DatasetAddress
-from handsight.datasets.errors import RefNotFoundError
+from handsight.datasets.errors import RefNotFoundError, counted
 from handsight.datasets.integrity.migrate import migrate
 from handsight.datasets.reading.diff import Balance, VersionDiff, diff_versions
 from handsight.datasets.reading.reader import GraspDataset
@@ -130,7 +130,7 @@ def migrate_command(
     branch: Annotated[str, typer.Option("--branch", help="Name of the branch to make; the version itself stays.")],
     as_json: Json = False,
 ) -> None:
-    """Bring a version of an older schema forward, on a new branch; every attempt keeps its id and digest."""
+    """Upgrade a version of an older schema, on a new branch; every attempt keeps its id and digest."""
     address = DatasetAddress.parse(dataset)
     done = migrate(GraspRepository.open(address.path), branch, ref=address.ref)
     if as_json:
@@ -139,6 +139,6 @@ def migrate_command(
         console.print(f"{dataset} has the newest schema already: no branch was made")
     else:
         console.print(
-            f"branch [bold]{done.branch}[/] ({done.snapshot}): {done.sessions} sessions brought from schema "
-            f"{done.schema_before} to {done.schema_after}"
+            f"branch [bold]{done.branch}[/] ({done.snapshot}): {counted(done.sessions, 'session')} upgraded from "
+            f"schema {done.schema_before} to {done.schema_after}"
         )

@@ -117,8 +117,8 @@ class Arm:
         """Move to a pose along a straight line in joint space; every physics tick calls ``step``.
 
         Raises:
-            UnreachableError: the pose is out of reach; nothing moved.
-            PhaseAbortedError: the arm was blocked on the way.
+            UnreachableError: The pose is out of reach; nothing moved.
+            PhaseAbortedError: The arm was blocked on the way.
         """
         start_rad = self._target_rad
         goal_rad = joints_for(pose_base_tool, start_rad, phase=phase)
@@ -147,8 +147,8 @@ class Arm:
             Whether ``stop`` ended the move early; the arm then holds where it is.
 
         Raises:
-            UnreachableError: some point of the line is out of reach; nothing moved.
-            PhaseAbortedError: the arm was blocked on the way and ``stop`` did not say so.
+            UnreachableError: Some point of the line is out of reach; nothing moved.
+            PhaseAbortedError: The arm was blocked on the way and ``stop`` did not say so.
         """
         path_rad = self._line(pose_base_tool, phase)
         if self._follow(path_rad, step, stop):

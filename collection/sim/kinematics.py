@@ -37,7 +37,7 @@ def joints_for(
     """Joint angles [rad], shape (6,), that put the fingertips at ``pose_base_tool``, closest to ``near_rad``.
 
     Raises:
-        UnreachableError: no solution within the joint limits on the elbow-up branch.
+        UnreachableError: No solution within the joint limits on the elbow-up branch.
     """
     candidates = _unwrap(_solutions(pose_base_tool), near_rad)  # (S, 6)
     reachable = candidates[(np.abs(candidates) <= JOINT_LIMITS_RAD).all(axis=1)]

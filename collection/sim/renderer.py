@@ -87,7 +87,7 @@ def renderer_named(name: str) -> Renderer:
     """The renderer of that name.
 
     Raises:
-        StationSettingsError: there is none.
+        StationSettingsError: There is none.
     """
     if name not in RENDERERS:
         raise StationSettingsError(f"renderer is {name!r}, expected one of: {', '.join(RENDERERS)}")
@@ -98,7 +98,7 @@ def check_available(renderer: Renderer) -> None:
     """Make sure that this machine can draw with ``renderer``.
 
     Raises:
-        RendererUnavailableError: it cannot; the message says why.
+        RendererUnavailableError: It cannot; the message says why.
     """
     fault = _egl_fault() if renderer.needs_egl else ""
     if fault:
@@ -135,7 +135,7 @@ def open_client(renderer: Renderer) -> BulletClient:
     """A headless client of its own whose pictures ``renderer`` draws.
 
     Raises:
-        RendererUnavailableError: this machine cannot draw with it.
+        RendererUnavailableError: This machine cannot draw with it.
     """
     check_available(renderer)
     bullet = connect()
@@ -156,7 +156,7 @@ class EmptyClients:
         """Start the first.
 
         Raises:
-            RendererUnavailableError: this machine cannot draw with ``renderer``.
+            RendererUnavailableError: This machine cannot draw with ``renderer``.
         """
         self._renderer = renderer
         self._start()

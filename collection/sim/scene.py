@@ -69,7 +69,7 @@ class Scene:
         Sleeping bodies cost no solver time until something touches them, which wakes them.
 
         Raises:
-            PhaseAbortedError: something still moves at ``settle_limit_s``.
+            PhaseAbortedError: Something still moves at ``settle_limit_s``.
         """
         limit = round(self._config.settle_limit_s * self._config.physics_hz)
         for tick in range(1, limit + 1):

@@ -73,7 +73,7 @@ class SceneCamera:
         """Load arm and table with their visual meshes, which takes half a second.
 
         Raises:
-            ObjectSetError: unknown object set.
+            ObjectSetError: Unknown object set.
         """
         self._viewpoint = viewpoint or Viewpoint()
         self._table = table
@@ -88,7 +88,7 @@ class SceneCamera:
             scene: The objects and where they lie, of the object set that the camera was made for.
 
         Raises:
-            UnreachableError: the arm cannot stand like this.
+            UnreachableError: The arm cannot stand like this.
         """
         self._replica.arrange(pose_base_tool, width_m, scene)
         view = self._viewpoint

@@ -36,7 +36,7 @@ class StaticReplica:
         """Load everything but the objects; the arm's meshes take half a second.
 
         Raises:
-            ObjectSetError: unknown object set.
+            ObjectSetError: Unknown object set.
         """
         self._config = config
         self._models = load_object_set(config.objects)
@@ -80,7 +80,7 @@ class StaticReplica:
             scene: The objects and where they lie.
 
         Raises:
-            UnreachableError: the arm cannot stand like this.
+            UnreachableError: The arm cannot stand like this.
         """
         self._place_arm(pose_base_tool, width_m)
         self._place_objects(scene)

@@ -24,6 +24,7 @@ from handsight.collection.sim.renderer import EmptyClients, renderer_named
 from handsight.collection.sim.scene import Scene
 from handsight.collection.sim.table import TABLE_FRICTION, add_table, wooden_table
 from handsight.collection.station import Descent, Workspace
+from handsight.datasets.errors import counted
 from handsight.datasets.records import RgbdFrame, SceneObjects, StationSpec
 from handsight.servoing.planar import PlanarPose
 
@@ -76,11 +77,11 @@ def check_object_count(models: Sequence[ObjectModel], config: SimConfig) -> None
     """Refuse a set that cannot fill a scene, in which every object is there once.
 
     Raises:
-        ObjectSetError: it has too few objects.
+        ObjectSetError: It has too few objects.
     """
     if len(models) < config.objects_per_scene:
         raise ObjectSetError(
-            f"object set {config.objects!r} has {len(models)} objects, "
+            f"object set {config.objects!r} has {counted(len(models), 'object')}, "
             f"expected at least the {config.objects_per_scene} of a scene"
         )
 
@@ -92,8 +93,8 @@ class SimStation:
         """Start a Bullet client of its own.
 
         Raises:
-            ObjectSetError: unknown object set, or fewer objects in it than a scene needs.
-            RendererUnavailableError: this machine cannot draw with the renderer asked for.
+            ObjectSetError: Unknown object set, or fewer objects in it than a scene needs.
+            RendererUnavailableError: This machine cannot draw with the renderer asked for.
         """
         self._config = config
         self._models = load_object_set(config.objects)

@@ -1,7 +1,7 @@
 """Setting attempts aside and correcting labels, without touching what was recorded.
 
-Every method is one commit that adds one decision, with its reason, author and time; see ``overlay``. Decisions made
-at the same time by several processes are all kept, in the order in which they were committed.
+Every method is one commit that adds one decision, with its reason, author and time; see ``format/decisions.py``.
+Decisions made at the same time by several processes are all kept, in the order in which they were committed.
 """
 
 from __future__ import annotations
@@ -146,7 +146,9 @@ def _decision_to_undo(dataset: GraspDataset, number: int | None) -> Decision:
     if number is None:
         counting = [one for one in decisions if one.number not in undone and one.action is not Action.UNDO]
         if not counting:
-            raise UnknownNameError(f"there is no decision left to undo ({len(decisions)} decisions, all undone)")
+            raise UnknownNameError(
+                f"there is no decision left to undo ({counted(len(decisions), 'decision')}, all undone)"
+            )
         return counting[-1]
     if not 0 <= number < len(decisions):
         raise UnknownNameError(f"there is no decision {number}, expected 0 to {len(decisions) - 1}")

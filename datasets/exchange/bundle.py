@@ -27,7 +27,7 @@ class Bundle:
 
 
 def origin_of(dataset: GraspDataset) -> dict[str, Any]:
-    """Where an export comes from, as JSON values; written into every format that has a place for it."""
+    """Where an export comes from, as JSON values; written into every format that can hold it."""
     root = dataset.repository.root(dataset.snapshot_id)
     return {
         "schema_version": SCHEMA_VERSION,
@@ -39,7 +39,7 @@ def origin_of(dataset: GraspDataset) -> dict[str, Any]:
 
 
 def schema_of_origin(origin: dict[str, Any], where: object) -> int:
-    """The schema version of an export; older ones are brought forward (older.py).
+    """The schema version of an export; older ones are upgraded (format/upgrades.py).
 
     Raises:
         InterchangeError: It is newer than this handsight's, or none is named.

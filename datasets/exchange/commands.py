@@ -58,6 +58,7 @@ def import_dataset(
     branch: str = DEFAULT_REF,
     allow_mismatch: bool = False,
     dry_run: bool = False,
+    on_total: Callable[[int], None] | None = None,
     on_attempt: Callable[[], None] | None = None,
 ) -> ImportReport:
     """Add everything in a file or folder of another format to a dataset, which is made where there is none.
@@ -71,6 +72,7 @@ def import_dataset(
         branch: The branch of an existing dataset that moves.
         allow_mismatch: Take sessions recorded with other instruments than those the dataset knows.
         dry_run: Check and report, and change nothing.
+        on_total: Told how many attempts are to be written, before the first is.
         on_attempt: Called for every attempt written.
 
     Raises:
@@ -88,6 +90,7 @@ def import_dataset(
             message=message,
             allow_mismatch=allow_mismatch,
             dry_run=dry_run,
+            on_total=on_total,
             on_attempt=on_attempt,
         )
         created = repository.path != location

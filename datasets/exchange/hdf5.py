@@ -33,7 +33,7 @@ import numpy as np
 import zarr
 from numpy.typing import NDArray
 
-from handsight.datasets.errors import CorruptDataError, InterchangeError
+from handsight.datasets.errors import CorruptDataError, InterchangeError, counted
 from handsight.datasets.exchange.bundle import (
     Bundle,
     decisions_from_json,
@@ -143,7 +143,9 @@ def _source(file: h5py.File, ulid: str, path: Path, schema: int) -> SessionSourc
     size, demos = len(group["columns/number"]), len(_group(file, "data", path))
     if size > demos:
         # Before any column is read: a few bytes suffice to claim any number of rows.
-        raise InterchangeError(f"{path}: session {ulid} claims {size} attempts, and the file has {demos} demos")
+        raise InterchangeError(
+            f"{path}: session {ulid} claims {counted(size, 'attempt')}, and the file has {demos} demos"
+        )
     source = checked_source(ulid, attributes, size=size, attempts=lambda: iter(()))
     widths = column_widths(source.header)
     columns = {

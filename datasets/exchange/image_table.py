@@ -42,6 +42,7 @@ from ulid import ULID
 from handsight.datasets.errors import InterchangeError, RecordError
 from handsight.datasets.exchange.bundle import Bundle
 from handsight.datasets.exchange.sources import checked_source
+from handsight.datasets.exchange.spool import AttemptSpool
 from handsight.datasets.format.header import station_from_json
 from handsight.datasets.format.sessions import new_session_attributes, sealed_attributes
 from handsight.datasets.format.validation import header_faults
@@ -86,7 +87,7 @@ def recognises(path: Path) -> bool:
 
 @contextmanager
 def open_bundle(path: Path) -> Iterator[Bundle]:
-    """Open a folder for import, as one session. Reads all of it once, so that every fault shows at once.
+    """Open a folder for import, as one session. Reads all of it, once, so that every fault shows at once.
 
     Raises:
         InterchangeError: Something in it cannot be imported; the message lists every fault, by line of the table.
@@ -96,24 +97,28 @@ def open_bundle(path: Path) -> Iterator[Bundle]:
     header = SessionHeader(station=station, seed=None, objects_per_scene=1, config={"imported_from": path.name})
     faults = header_faults(header)
     digests = []
-    for number, line in enumerate(lines):
-        try:
-            attempt = _attempt(path, line, number, station)
-            prepared = prepare(attempt, header, session="of the table", number=number)
-            digests.append(prepared.columns["attempts/digest"].tobytes())
-        except (InterchangeError, RecordError) as error:
-            faults.append(f"line {number + 2}: {error}")
-    if faults:
-        more = f"; and {len(faults) - _FAULTS_SHOWN} more" if len(faults) > _FAULTS_SHOWN else ""
-        raise InterchangeError(f"{path} cannot be imported: {'; '.join(faults[:_FAULTS_SHOWN])}{more}")
-    source = checked_source(
-        str(ULID()),
-        new_session_attributes(header) | sealed_attributes(),
-        size=len(lines),
-        attempts=lambda: (_attempt(path, line, number, station) for number, line in enumerate(lines)),
-        digests=tuple(digests),
-    )
-    yield Bundle(sessions=[source])
+    with AttemptSpool(header) as spool:
+        for number, line in enumerate(lines):
+            try:
+                attempt = _attempt(path, line, number, station)
+                prepared = prepare(attempt, header, session="of the table", number=number)
+                digests.append(prepared.columns["attempts/digest"].tobytes())
+            except (InterchangeError, RecordError) as error:
+                faults.append(f"line {number + 2}: {error}")
+            else:
+                if not faults:  # Else nothing will be imported.
+                    spool.append(prepared)
+        if faults:
+            more = f"; and {len(faults) - _FAULTS_SHOWN} more" if len(faults) > _FAULTS_SHOWN else ""
+            raise InterchangeError(f"{path} cannot be imported: {'; '.join(faults[:_FAULTS_SHOWN])}{more}")
+        source = checked_source(
+            str(ULID()),
+            new_session_attributes(header) | sealed_attributes(),
+            size=len(lines),
+            attempts=lambda: (_attempt(path, line, number, station) for number, line in enumerate(lines)),
+            digests=tuple(digests),
+        )
+        yield Bundle(sessions=[replace(source, encoded=spool.attempts)])
 
 
 def _station(path: Path) -> StationSpec:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from handsight.datasets.address import DEFAULT_REF
-from handsight.datasets.errors import SessionNotFoundError
+from handsight.datasets.errors import SessionNotFoundError, counted
 from handsight.datasets.exchange.sources import stored_sources
 from handsight.datasets.exchange.transfer import TransferReport, transfer
 from handsight.datasets.reading.reader import GraspDataset
@@ -20,6 +20,7 @@ def merge(
     branch: str = DEFAULT_REF,
     allow_mismatch: bool = False,
     dry_run: bool = False,
+    on_total: Callable[[int], None] | None = None,
     on_attempt: Callable[[], None] | None = None,
 ) -> TransferReport:
     """Copy sessions, with what curation decided about their attempts, into another dataset, in one commit.
@@ -33,6 +34,7 @@ def merge(
         branch: The branch of the target that moves.
         allow_mismatch: Take sessions recorded with other instruments than those the target knows.
         dry_run: Check and report, and change nothing.
+        on_total: Told how many attempts are to be copied, before the first is.
         on_attempt: Called for every attempt copied.
 
     Raises:
@@ -46,17 +48,17 @@ def merge(
     missing = [ulid for ulid in wanted if ulid not in available]
     if missing:
         raise SessionNotFoundError(
-            f"{source.repository.path}@{source.ref} has no session {', '.join(missing)} ({len(available)} sessions): "
-            "see 'handsight dataset info'"
+            f"{source.repository.path}@{source.ref} has no session {', '.join(missing)} "
+            f"({counted(len(available), 'session')}): see 'handsight dataset info'"
         )
-    count = f"{len(wanted)} session{'' if len(wanted) == 1 else 's'}"
     return transfer(
         target,
         [available[ulid] for ulid in wanted],
         decisions=source.overlay.decisions,
         branch=branch,
-        message=f"merge {count} of {source.repository.path}@{source.ref}",
+        message=f"merge {counted(len(wanted), 'session')} of {source.repository.path}@{source.ref}",
         allow_mismatch=allow_mismatch,
         dry_run=dry_run,
+        on_total=on_total,
         on_attempt=on_attempt,
     )

@@ -18,7 +18,7 @@ from zarr.core.buffer import default_buffer_prototype
 from zarr.core.sync import sync
 from zarr.storage import LocalStore
 
-from handsight.datasets.errors import CorruptDataError, InterchangeError
+from handsight.datasets.errors import CorruptDataError, InterchangeError, counted
 from handsight.datasets.exchange.bundle import Bundle, origin_of, refuse_linked, schema_of_origin
 from handsight.datasets.exchange.sources import stored_sources
 from handsight.datasets.format.arrays import array_at, group_at
@@ -77,8 +77,8 @@ def _refuse_empty_claims(path: Path, root: zarr.Group) -> None:
         files = sum(file.is_file() for file in (path / SESSIONS / ulid / "attempts/digest/c").rglob("*"))
         if digests.shape[0] != rows or digests.nchunks > files:
             raise CorruptDataError(
-                f"session {ulid} of {path} claims {rows} attempts and has {files} of {digests.nchunks} blocks of "
-                "their digests: take an undamaged copy"
+                f"session {ulid} of {path} claims {counted(rows, 'attempt')} and has {files} of {digests.nchunks} "
+                "chunks of their digests: take an undamaged copy"
             )
 
 

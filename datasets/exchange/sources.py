@@ -10,7 +10,7 @@ from typing import Any
 import zarr
 from ulid import ULID
 
-from handsight.datasets.errors import InterchangeError
+from handsight.datasets.errors import InterchangeError, counted
 from handsight.datasets.format.arrays import array_at, group_at, read_rows
 from handsight.datasets.format.frames import BATCH_FRAMES, frame_arrays, read_frames
 from handsight.datasets.format.header import canonical_json, config_digest
@@ -27,6 +27,7 @@ from handsight.datasets.format.sessions import session_from_attributes
 from handsight.datasets.format.upgrades import columns_of, current_attributes, empty_columns
 from handsight.datasets.format.validation import header_faults
 from handsight.datasets.records import GraspAttempt, SessionHeader
+from handsight.datasets.writing.batches import EncodedAttempt
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,6 +44,8 @@ class SessionSource:
     """Number of attempts."""
     attempts: Callable[[], Iterator[GraspAttempt]]
     """Reads the attempts, in the order of their numbers."""
+    encoded: Callable[[], Iterator[EncodedAttempt]] | None = None
+    """Gives the same attempts checked, hashed and encoded, where that was done already; None otherwise."""
 
 
 def checked_source(
@@ -74,7 +77,7 @@ def checked_source(
     if info.status not in ("open", "sealed"):
         faults.append(f"status is {info.status!r}, expected open or sealed")
     if digests and len(digests) != size:
-        faults.append(f"there are {len(digests)} digests for {size} attempts")
+        faults.append(f"it has {counted(len(digests), 'digest')} for {counted(size, 'attempt')}")
     if faults:
         raise InterchangeError(f"session {ulid} cannot be imported: {'; '.join(faults)}")
     return SessionSource(

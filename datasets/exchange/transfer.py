@@ -16,7 +16,7 @@ from typing import Any
 import zarr
 
 from handsight.datasets.address import DEFAULT_REF
-from handsight.datasets.errors import CorruptDataError, MergeError, SessionConflictError
+from handsight.datasets.errors import CorruptDataError, MergeError, SessionConflictError, counted
 from handsight.datasets.exchange.sources import SessionSource
 from handsight.datasets.format.arrays import array_at, group_at, layouts_of, read_all, run_concurrently
 from handsight.datasets.format.decisions import Action, Decision, append_decision, read_overlay
@@ -29,8 +29,8 @@ from handsight.datasets.store.layout import check_current
 from handsight.datasets.store.repository import GraspRepository
 from handsight.datasets.writing.batches import (
     Columns,
+    EncodedAttempt,
     LastChunks,
-    PreparedAttempt,
     column_writes,
     frame_writes,
     prepare,
@@ -61,6 +61,7 @@ def transfer(
     message: str,
     allow_mismatch: bool = False,
     dry_run: bool = False,
+    on_total: Callable[[int], None] | None = None,
     on_attempt: Callable[[], None] | None = None,
 ) -> TransferReport:
     """Add sessions to a branch, and what curation decided about them, in one commit.
@@ -73,6 +74,7 @@ def transfer(
         message: Of the commit.
         allow_mismatch: Take sessions recorded with other instruments than those the dataset knows.
         dry_run: Check and report, and change nothing. Attempts are read only when they are written.
+        on_total: Told how many attempts are to be written, before the first is.
         on_attempt: Called for every attempt written.
 
     Raises:
@@ -92,12 +94,15 @@ def transfer(
         faults += _mismatches(new, [session.header.station for session in read_sessions(root)])
     if faults:
         raise MergeError(f"nothing was added to {repository.path}: {'; '.join(faults)}")
+    attempts = sum(source.size for source in new)
+    if on_total is not None:
+        on_total(attempts)
     snapshot = None
     if new and not dry_run:
         snapshot = _write(repository, new, decisions, branch=branch, message=message, on_attempt=on_attempt)
     return TransferReport(
         sessions=tuple(source.ulid for source in new),
-        attempts=sum(source.size for source in new),
+        attempts=attempts,
         duplicates=tuple(source.ulid for source in sources if source not in new),
         snapshot=snapshot,
     )
@@ -128,14 +133,14 @@ def _contradictions(sources: Sequence[SessionSource], present: dict[str, list[by
             faults.append(f"session {source.ulid} comes twice")
         seen.add(source.ulid)
         if source.ulid in present:
-            count = len(present[source.ulid])
-            faults.append(f"session {source.ulid} is there with {count} attempts and other content than the source's")
+            count = counted(len(present[source.ulid]), "attempt")
+            faults.append(f"session {source.ulid} is there with {count} and other content than the source's")
             continue
         shared = [digest for digest in source.digests if digest in known]
         if shared:
             faults.append(
-                f"{len(shared)} of the {source.size} attempts of session {source.ulid} are there already, in session "
-                f"{known[shared[0]]}: sessions are taken whole or not at all"
+                f"session {source.ulid} shares {len(shared)} of its {counted(source.size, 'attempt')} with session "
+                f"{known[shared[0]]}, which is there: sessions are taken whole or not at all"
             )
     return faults
 
@@ -198,14 +203,12 @@ def _write_session(group: zarr.Group, source: SessionSource, on_attempt: Callabl
     column_rows = packed_rows(source.attributes["status"], source.size)
     create_arrays(group, source.header, column_rows=column_rows)
     arrays = session_arrays(group)
-    encoder = FrameEncoder(layouts_of(arrays))
-    attempts = _prepared(source)
+    attempts = _encoded(source, FrameEncoder(layouts_of(arrays))) if source.encoded is None else source.encoded()
     rows: list[Columns] = []
     stored = 0
     last_chunks: LastChunks = {}
     while batch := list(islice(attempts, BATCH_FRAMES)):
-        frames = [encoder.encode(one.frames) for one in batch]
-        run_concurrently(frame_writes(arrays, frames, stored=stored + len(rows)))
+        run_concurrently(frame_writes(arrays, [one.frames for one in batch], stored=stored + len(rows)))
         rows += [one.columns for one in batch]
         # Columns in whole chunks: a chunk that is written twice leaves its first version behind as garbage.
         if len(rows) == column_rows or len(batch) < BATCH_FRAMES:
@@ -221,10 +224,10 @@ def _write_session(group: zarr.Group, source: SessionSource, on_attempt: Callabl
         run_concurrently(writes)
         stored += len(rows)
     if stored != source.size:
-        raise CorruptDataError(f"session {source.ulid} ends after {stored} attempts, expected {source.size}")
+        raise CorruptDataError(f"session {source.ulid} ends after {counted(stored, 'attempt')}, expected {source.size}")
 
 
-def _prepared(source: SessionSource) -> Iterator[PreparedAttempt]:
+def _encoded(source: SessionSource, encoder: FrameEncoder) -> Iterator[EncodedAttempt]:
     for number, attempt in enumerate(islice(source.attempts(), source.size)):
         prepared = prepare(attempt, source.header, session=source.ulid, number=number)
         if source.digests and prepared.columns["attempts/digest"].tobytes() != source.digests[number]:
@@ -232,7 +235,7 @@ def _prepared(source: SessionSource) -> Iterator[PreparedAttempt]:
                 f"attempt {attempt_id(source.ulid, number)} is not what its recorded digest says: the source was "
                 "changed or damaged; take an undamaged copy"
             )
-        yield prepared
+        yield EncodedAttempt(columns=prepared.columns, frames=encoder.encode(prepared.frames))
 
 
 def transplanted(decisions: Sequence[Decision], sessions: frozenset[str], *, first: int) -> list[Decision]:

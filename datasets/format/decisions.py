@@ -59,7 +59,7 @@ class Action(IntEnum):
     UNLABEL = 3
     """Their success is again the one recorded."""
     UNDO = 4
-    """The decision whose number is the value counts no longer. Names no attempts."""
+    """Reverts the decision whose number is the value. Names no attempts."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,7 +87,7 @@ class Overlay:
 
     @cached_property
     def undone(self) -> frozenset[int]:
-        """Numbers of the decisions that count no longer. Undoing an UNDO brings its decision back."""
+        """Numbers of the decisions that were reverted. Undoing an UNDO brings its decision back."""
         undone: set[int] = set()
         for decision in reversed(self.decisions):
             if decision.action is Action.UNDO and decision.number not in undone and decision.value is not None:

@@ -69,7 +69,7 @@ def attributes_with_header(attributes: dict[str, Any], header: dict[str, Any]) -
     """The attributes of a recorded session with the header that a newer schema gives it.
 
     Raises:
-        CorruptDataError: The attributes are damaged, and would be vouched for by the new digest.
+        CorruptDataError: The attributes are damaged, which a new digest would hide.
     """
     damage = attribute_damage(attributes)
     if damage:

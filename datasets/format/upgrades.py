@@ -1,4 +1,4 @@
-"""What a newer schema gives to the sessions of an older one, wherever they are kept.
+"""Schema upgrades: what a newer schema gives to the sessions of an older one, wherever they are kept.
 
 Columns that a schema added hold nothing in older attempts, and what holds nothing does not enter a digest, so attempts
 keep theirs.
@@ -20,7 +20,7 @@ def current_attributes(attributes: dict[str, Any], schema: int) -> dict[str, Any
     """The attributes of a session's group as today's schema has them, from those of an older schema.
 
     Raises:
-        CorruptDataError: They are damaged, and would be vouched for by a new digest.
+        CorruptDataError: They are damaged, which a new digest would hide.
     """
     for version in range(schema, SCHEMA_VERSION):
         attributes = _STEPS[version](attributes)

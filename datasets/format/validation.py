@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from handsight.datasets.errors import counted
 from handsight.datasets.format.attempts_table import TABLE
 from handsight.datasets.format.header import canonical_json
 from handsight.datasets.format.rows import frame_of
@@ -151,7 +152,7 @@ def _scene_faults(scene: SceneObjects | None, header: SessionHeader) -> list[str
     if not poses and not np.all(np.isfinite(scene.pose_base_object)):
         poses.append("scene.pose_base_object is not finite everywhere")
     if count > header.objects_per_scene:
-        faults.append(f"scene has {count} objects, expected at most {header.objects_per_scene}")
+        faults.append(f"scene has {counted(count, 'object')}, expected at most {header.objects_per_scene}")
     faults += _condition_faults(scene.conditions, header.station.conditions)
     known = len(header.station.objects)
     strange = [int(index) for index in scene.catalogue_index if not 0 <= index < known]

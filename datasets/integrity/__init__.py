@@ -1,1 +1,1 @@
-"""Is a dataset as it was recorded, and fit to learn from: verify, doctor, repair, migrate, disk space."""
+"""Is a dataset as it was recorded, and without errors or warnings: verify, doctor, repair, migrate, disk space."""

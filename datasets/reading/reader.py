@@ -18,6 +18,7 @@ from handsight.datasets.errors import (
     CorruptDataError,
     FrameNotFoundError,
     SessionNotFoundError,
+    counted,
 )
 from handsight.datasets.format.arrays import array_at, group_at, read_rows
 from handsight.datasets.format.attempts_table import LazyColumns, attempts_table
@@ -75,7 +76,7 @@ class GraspDataset:
     def attempts(self) -> pd.DataFrame:
         """One row for each attempt, indexed by its id, with curation laid over it.
 
-        See ``table.attempts_table`` for the columns and ``Overlay.applied_to`` for those of curation.
+        See ``attempts_table.attempts_table`` for the columns and ``Overlay.applied_to`` for those of curation.
         """
         return self._table(self._lazy_columns())
 
@@ -172,7 +173,9 @@ class GraspDataset:
         """
         ulid = key.partition("-")[0]
         if ulid not in self._sessions:
-            raise SessionNotFoundError(f"{self._name} has no session {ulid!r} ({len(self._sessions)} sessions)")
+            raise SessionNotFoundError(
+                f"{self._name} has no session {ulid!r} ({counted(len(self._sessions), 'session')})"
+            )
         return self._sessions[ulid]
 
     def station(self, key: str) -> StationSpec:

@@ -26,11 +26,11 @@ CELL_ATTEMPTS = 80
 on either side."""
 MAP_CELLS = (4, 24)
 """Fewest and most cells along the longer side of the map."""
-BLOCK_ATTEMPTS = 1000
-"""Attempts in a block of a session, for versions that have ``BLOCKS`` such blocks or more."""
-BLOCKS = 8
-SMALL_BLOCKS = (500, 200, 100, 50, 20, 10)
-"""What smaller versions take instead: the first of which they have ``BLOCKS``, or the last."""
+WINDOW_ATTEMPTS = 1000
+"""Attempts in a window of a session, for versions that have ``WINDOWS`` such windows or more."""
+WINDOWS = 8
+SMALL_WINDOWS = (500, 200, 100, 50, 20, 10)
+"""What smaller versions take instead: the first of which they have ``WINDOWS``, or the last."""
 
 _COLUMNS = (
     "success",
@@ -84,7 +84,7 @@ class PositionMap:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Block:
+class Window:
     """Labelled attempts of a session that follow one another."""
 
     session: str
@@ -121,10 +121,10 @@ class LabelStats:
     contact_bins_n: Histogram
     """By contact force of those that did meet something, in bins of nearly equal counts."""
     positions: PositionMap
-    block_attempts: int
-    """Attempts in a block, nearly."""
-    blocks: tuple[Block, ...]
-    """The sessions one after another, each cut into blocks."""
+    window_attempts: int
+    """Attempts in a window, nearly."""
+    windows: tuple[Window, ...]
+    """The sessions one after another, each cut into windows."""
 
 
 def label_stats(dataset: GraspDataset) -> LabelStats:
@@ -136,7 +136,7 @@ def label_stats(dataset: GraspDataset) -> LabelStats:
     angle_rad = (rows["pregrasp_angle_rad"].to_numpy() + math.pi / 2) % math.pi - math.pi / 2
     width_m, force_n = rows["width_final_m"].to_numpy(), rows["contact_force_n"].to_numpy()
     met_none = force_n <= 0
-    size = _block_size(len(rows))
+    size = _window_size(len(rows))
     return LabelStats(
         labelled=len(rows),
         successes=int(success.sum()),
@@ -152,8 +152,8 @@ def label_stats(dataset: GraspDataset) -> LabelStats:
         no_contact=Share(name="no contact", attempts=int(met_none.sum()), successes=int(labels[met_none].sum())),
         contact_bins_n=_counted(force_n[~met_none], labels[~met_none], _quantile_edges(force_n[~met_none])),
         positions=_position_map(rows["pregrasp_x_m"].to_numpy(), rows["pregrasp_y_m"].to_numpy(), labels),
-        block_attempts=size,
-        blocks=_blocks(rows, labels, size),
+        window_attempts=size,
+        windows=_windows(rows, labels, size),
     )
 
 
@@ -229,24 +229,24 @@ def _rows_of(counts: NDArray[np.int64]) -> tuple[tuple[int, ...], ...]:
     return tuple(map(tuple, rows))
 
 
-def _block_size(attempts: int) -> int:
-    sizes = (BLOCK_ATTEMPTS, *SMALL_BLOCKS)
-    return next((size for size in sizes if attempts >= BLOCKS * size), sizes[-1])
+def _window_size(attempts: int) -> int:
+    sizes = (WINDOW_ATTEMPTS, *SMALL_WINDOWS)
+    return next((size for size in sizes if attempts >= WINDOWS * size), sizes[-1])
 
 
-def _blocks(rows: pd.DataFrame, labels: NDArray[np.bool_], size: int) -> tuple[Block, ...]:
-    """Each session in as many blocks as have nearly the size, so that no remainder stands for a few attempts."""
+def _windows(rows: pd.DataFrame, labels: NDArray[np.bool_], size: int) -> tuple[Window, ...]:
+    """Each session in as many windows as have nearly the size, so that no remainder stands for a few attempts."""
     found = []
-    for session, places in rows.groupby("session", sort=False).indices.items():
-        for block in np.array_split(places, max(1, round(len(places) / size))):
-            numbers: NDArray[Any] = rows["number"].to_numpy()[block]
+    for session, positions in rows.groupby("session", sort=False).indices.items():
+        for window in np.array_split(positions, max(1, round(len(positions) / size))):
+            numbers: NDArray[Any] = rows["number"].to_numpy()[window]
             found.append(
-                Block(
+                Window(
                     session=str(session),
                     first=int(numbers[0]),
                     last=int(numbers[-1]),
-                    attempts=len(block),
-                    successes=int(labels[block].sum()),
+                    attempts=len(window),
+                    successes=int(labels[window].sum()),
                 )
             )
     return tuple(found)

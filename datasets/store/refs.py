@@ -43,7 +43,7 @@ def create_ref(repository: icechunk.Repository, path: Location, kind: Kind, name
 
     Raises:
         RefNameError: The name belonged to a tag that was deleted, of which Icechunk keeps a tombstone so that a name
-            never means two versions; or in a bucket somebody else has just made a tag of it.
+            never means two versions; or in a bucket another process has just made a tag of it.
         StorageError: The disk is full or not writable.
         icechunk.IcechunkError: The object store refused it.
     """

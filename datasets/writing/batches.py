@@ -57,6 +57,14 @@ class PreparedAttempt:
     frames: dict[Viewpoint, RgbdFrame | None]
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EncodedAttempt:
+    """A valid attempt whose pictures are encoded as the session will store them."""
+
+    columns: Columns
+    frames: EncodedFrames
+
+
 def prepare(attempt: GraspAttempt, header: SessionHeader, *, session: str, number: int) -> PreparedAttempt:
     """Check an attempt that is to have that number and compute its digest. Pictures are shared, not copied.
 

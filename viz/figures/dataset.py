@@ -112,7 +112,7 @@ def _draw_panels(figure: Figure, found: LabelStats) -> None:
     draw_angles(figure.add_subplot(grid[0, first + 1]), found.angle_bins_rad, overall)
     _draw_openings(figure.add_subplot(grid[1, first]), found.width_bins_m)
     draw_contact(figure.add_subplot(grid[1, first + 1]), found.no_contact, found.contact_bins_n, overall)
-    draw_progress(figure.add_subplot(grid[2, first:]), found.blocks, found.block_attempts, overall)
+    draw_progress(figure.add_subplot(grid[2, first:]), found.windows, found.window_attempts, overall)
 
 
 def _draw_openings(axes: Axes, histogram: Histogram) -> None:

@@ -37,7 +37,7 @@ def montage_figure(path: Path, examples: Sequence[HeatmapExample]) -> Path:
         The file written, 1200 pixels wide.
 
     Raises:
-        FigureError: no examples, pictures of different sizes, or a heatmap that does not fit; nothing is written then.
+        FigureError: No examples, pictures of different sizes, or a heatmap that does not fit; nothing is written then.
     """
     _check(examples)
     k = examples[0].view.camera.intrinsics

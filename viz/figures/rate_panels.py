@@ -10,7 +10,7 @@ from matplotlib.ticker import MaxNLocator
 from matplotlib.transforms import blended_transform_factory
 from numpy.typing import ArrayLike, NDArray
 
-from handsight.datasets.reading.stats import Block, Histogram, Share
+from handsight.datasets.reading.stats import Histogram, Share, Window
 from handsight.evaluation.results import wilson_95
 from handsight.viz.figures.style import BAR_COLOURS, INK
 
@@ -27,7 +27,7 @@ LONGEST_NAME: Final = 28
 FEWEST_ROWS: Final = 12
 """Few objects stand close together at the top, as if they were so many."""
 MOST_BARS: Final = 60
-"""More blocks than these are a line in a band, which is legible where bars would touch."""
+"""More windows than these are a line in a band, which is legible where bars would touch."""
 MOST_PARTED_SESSIONS: Final = 40
 """Of more sessions the lines between them would cover the rates."""
 RATE_TOP_LEAST: Final = 0.05
@@ -146,21 +146,21 @@ def draw_contact(axes: Axes, none: Share, histogram: Histogram, overall: float) 
     axes.set_xlabel("force that ended the descent [N]")
 
 
-def draw_progress(axes: Axes, blocks: Sequence[Block], size: int, overall: float) -> None:
-    """Rate of block after block, the sessions one after another."""
-    ends_at = np.cumsum([block.attempts for block in blocks])
-    centres = ends_at - 0.5 * np.array([block.attempts for block in blocks])
-    names = list(dict.fromkeys(block.session for block in blocks))
+def draw_progress(axes: Axes, windows: Sequence[Window], size: int, overall: float) -> None:
+    """Rate of window after window, the sessions one after another."""
+    ends_at = np.cumsum([window.attempts for window in windows])
+    centres = ends_at - 0.5 * np.array([window.attempts for window in windows])
+    names = list(dict.fromkeys(window.session for window in windows))
     many = len(names) > 1
-    note = f"in blocks of about {number(size)} attempts; dashed: all attempts"
+    note = f"in windows of about {number(size)} attempts; dashed: all attempts"
     dress(axes, f"Success along the session{'s' * many}", note, grid="y")
-    rates, ends = intervals([block.successes for block in blocks], [block.attempts for block in blocks])
+    rates, ends = intervals([window.successes for window in windows], [window.attempts for window in windows])
     _draw_overall(axes, overall)
     for place, name in enumerate(names):
-        own = np.array([block.session == name for block in blocks])
+        own = np.array([window.session == name for window in windows])
         if place > 0 and len(names) <= MOST_PARTED_SESSIONS:
             axes.axvline(ends_at[np.flatnonzero(own)[0] - 1], color=GREY, linewidth=0.8, zorder=1)
-        if len(blocks) > MOST_BARS:
+        if len(windows) > MOST_BARS:
             axes.fill_between(centres[own], *ends[:, own], color=BLUE, alpha=0.25, linewidth=0, zorder=2)
             axes.plot(centres[own], rates[own], color=BLUE, linewidth=1.0, zorder=3)
         else:

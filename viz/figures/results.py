@@ -44,7 +44,7 @@ def results_figure(rows: Sequence[ResultRow], path: Path) -> tuple[Path, Path]:
         The two files written.
 
     Raises:
-        FigureError: there are no rows, or some cannot be drawn; nothing is written then.
+        FigureError: There are no rows, or some cannot be drawn; nothing is written then.
     """
     _check(rows)
     with mpl.rc_context(STYLE):

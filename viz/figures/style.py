@@ -35,7 +35,7 @@ def save_figure(figure: Figure, path: Path) -> tuple[Path, Path]:
     """Write a figure as ``.png`` and ``.svg``, without dates and versions.
 
     Raises:
-        FigureError: the folder does not exist.
+        FigureError: The folder does not exist.
     """
     return save_png(figure, path.with_suffix(".png")), save_svg(figure, path.with_suffix(".svg"))
 
@@ -44,7 +44,7 @@ def save_png(figure: Figure, path: Path) -> Path:
     """Write a figure as PNG, without dates and versions.
 
     Raises:
-        FigureError: the folder does not exist.
+        FigureError: The folder does not exist.
     """
     check_figure_path(path)
     FigureCanvasAgg(figure)
@@ -56,7 +56,7 @@ def save_svg(figure: Figure, path: Path) -> Path:
     """Write a figure as SVG, without dates and versions.
 
     Raises:
-        FigureError: the folder does not exist.
+        FigureError: The folder does not exist.
     """
     check_figure_path(path)
     figure.savefig(path, format="svg", metadata={"Date": None, "Creator": None})
@@ -67,7 +67,7 @@ def check_figure_path(path: Path, *suffixes: str) -> None:
     """Refuse a place where no figure can be written, before it is made.
 
     Raises:
-        FigureError: the folder does not exist, a folder is there, or the name ends in none of the suffixes, if any
+        FigureError: The folder does not exist, a folder is there, or the name ends in none of the suffixes, if any
             are given.
     """
     if path.is_dir() or not path.parent.is_dir():

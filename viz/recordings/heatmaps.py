@@ -40,7 +40,7 @@ def write_heatmaps(path: Path, examples: Sequence[HeatmapExample]) -> None:
     """Write examples as a self-contained ``.rrd`` with its layout.
 
     Raises:
-        RecordingError: there is no example, a heatmap does not fit, or ``path`` cannot be written.
+        RecordingError: There is no example, a heatmap does not fit, or ``path`` cannot be written.
     """
     faults = heatmap_faults(examples)
     if faults:

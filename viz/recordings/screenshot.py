@@ -46,9 +46,9 @@ def save_screenshots(recording: Path, shots: Mapping[int, Path], *, timeline: st
         timeline: The timeline on which the steps are counted.
 
     Raises:
-        ScreenshotError: there is no such recording, or the viewer showed no steady picture, or it reported that a view
+        ScreenshotError: There is no such recording, or the viewer showed no steady picture, or it reported that a view
             could not be drawn.
-        NoVulkanError: the viewer found no graphics driver.
+        NoVulkanError: The viewer found no graphics driver.
     """
     if not recording.is_file():
         raise ScreenshotError(f"there is no recording at {str(recording)!r}, expected an .rrd file")

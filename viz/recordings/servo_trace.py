@@ -72,7 +72,7 @@ def write_servo_trace(
         outside: One picture of the station per step, each (H, W, 3); None shows none.
 
     Raises:
-        RecordingError: the trace is empty, maps or pictures do not match its steps, or ``path`` cannot be written.
+        RecordingError: The trace is empty, maps or pictures do not match its steps, or ``path`` cannot be written.
     """
     trace = recording.trace
     _check(recording, heatmaps, outside)

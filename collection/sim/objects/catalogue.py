@@ -95,7 +95,7 @@ def load_object_set(name: str) -> tuple[ObjectModel, ...]:
     ``name`` is a set that comes with handsight, one that was imported, or the path of a folder that holds a manifest.
 
     Raises:
-        ObjectSetError: no such set, or one that is damaged.
+        ObjectSetError: No such set, or one that is damaged.
     """
     if name in OBJECT_SETS:
         return _built_in(name, cache_root())

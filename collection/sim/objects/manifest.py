@@ -73,7 +73,7 @@ def read_manifest(folder: Path) -> Manifest:
     """Read and check the manifest of a set.
 
     Raises:
-        ObjectSetError: there is none, or it does not describe a set.
+        ObjectSetError: There is none, or it does not describe a set.
     """
     path = folder / MANIFEST_FILE
     try:
@@ -119,7 +119,7 @@ def load_models(folder: Path, *, splits: Iterable[str] | None = None) -> tuple[O
     """The objects of a set on disk in the order of its manifest, each checked against its hash.
 
     Raises:
-        ObjectSetError: no usable manifest, or objects that are missing or changed.
+        ObjectSetError: No usable manifest, or objects that are missing or changed.
     """
     manifest = read_manifest(folder)
     wanted = None if splits is None else set(splits)

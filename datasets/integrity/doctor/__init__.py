@@ -1,4 +1,4 @@
-"""Is this dataset fit to learn from? Checks with stable codes, run on any version.
+"""Can this dataset be learned from without errors or warnings? Checks with stable codes, run on any version.
 
 =======  ========  =====================================================================
 GD-101   note      a session is still open
@@ -20,10 +20,10 @@ GD-303   warning   depth is missing in much of a picture
 GD-304   error     depth does not fit the height of the camera: wrong unit or scale
 GD-305   error     intrinsics do not fit the size of the pictures
 GD-306   warning   the same picture was recorded twice
-GD-307   note      pictures look nearly the same
+GD-307   note      pictures are near-duplicates
 GD-401   warning   one label is rare
 GD-402   error     stored folds leak or do not fit this version
-GD-403   warning   nearly the same picture is in two folds
+GD-403   warning   near-duplicates are in two folds
 GD-501   error     a simulated attempt ends otherwise when it is simulated again
 GD-502   warning   it ends alike, but some recorded byte differs
 GD-503   note      it cannot be simulated again: an older simulator, or a network that is not at hand

@@ -46,20 +46,20 @@ def _value_findings(rows: pd.DataFrame) -> Iterator[Finding]:
         "GD-201",
         "error",
         sorted({*labelled.index[missing], *rows.index[infinite]}),
-        "{n} attempts lack a finite grasp pose or final opening, or hold an infinite value",
+        "{attempts} without a finite grasp pose or final opening, or with an infinite value",
     )
     yield from attempt_finding(
         "GD-204",
         "warning",
         rows.index[rows["pregrasp_angle_rad"].abs() > math.pi + 1e-9],
-        "{n} attempts have a grasp angle beyond ±π rad: degrees, or an angle that was never wrapped",
+        "{attempts} with a grasp angle beyond ±π rad: degrees, or an angle that was never wrapped",
     )
     phases = rows[[f"{name}_s" for name in PHASES]]
     yield from attempt_finding(
         "GD-205",
         "warning",
         rows.index[(phases < 0).any(axis=1) | (rows["elapsed_s"] < 0)],
-        "{n} attempts have a phase or a total of negative duration",
+        "{attempts} with a phase or a total of negative duration",
     )
 
 
@@ -71,7 +71,7 @@ def _gripper_findings(session: SessionInfo, rows: pd.DataFrame) -> Iterator[Find
         "GD-202",
         "error",
         rows.index[outside.any(axis=1)],
-        f"{{n}} attempts have a gripper opening outside 0 to {station.gripper_stroke_m} m: wrong unit or sensor",
+        f"{{attempts}} with a gripper opening outside 0 to {station.gripper_stroke_m} m: wrong unit or sensor",
     )
     labelled = rows[rows["recorded_success"].notna() & rows["width_final_m"].notna()]
     held = labelled["width_final_m"] > station.closed_width_m
@@ -79,7 +79,7 @@ def _gripper_findings(session: SessionInfo, rows: pd.DataFrame) -> Iterator[Find
         "GD-206",
         "error",
         labelled.index[held.to_numpy() != labelled["recorded_success"].to_numpy(dtype=bool)],
-        f"{{n}} attempts are labelled against their final opening (closed at or below {station.closed_width_m} m)",
+        f"{{attempts}} labelled against the final opening (closed at or below {station.closed_width_m} m)",
     )
 
 
@@ -102,7 +102,7 @@ def _crop_findings(dataset: GraspDataset, session: SessionInfo, rows: pd.DataFra
         "GD-203",
         "note",
         rows.index[~inside],
-        "{n} attempts have their grasp outside the overhead picture: half of their input or more is replicated edge",
+        "{attempts} with the grasp outside the overhead picture: half of the input or more is replicated edge",
     )
 
 
@@ -118,7 +118,7 @@ def _clock_findings(session: SessionInfo, rows: pd.DataFrame) -> Iterator[Findin
         "GD-205",
         "warning",
         rows.index[early],
-        "{n} attempts began before the one before them had ended, or took less time than their phases",
+        "{attempts} begun before the one before had ended, or done in less time than the phases took",
     )
 
 
@@ -128,5 +128,8 @@ def _truth_findings(rows: pd.DataFrame) -> Iterator[Finding]:
     if len(wrong) > _TRUTH_DISAGREEMENT * len(known):
         share = len(wrong) / len(known)
         yield from attempt_finding(
-            "GD-207", "warning", wrong, f"{{n}} labels ({share:.1%}) are not what the simulator knows to be true"
+            "GD-207",
+            "warning",
+            wrong,
+            f"{{attempts}} ({share:.1%}) labelled otherwise than the simulator knows to be true",
         )

@@ -12,7 +12,7 @@ from handsight.datasets.errors import CorruptDataError
 from handsight.datasets.integrity.doctor.attempts import attempt_findings
 from handsight.datasets.integrity.doctor.findings import Finding
 from handsight.datasets.integrity.doctor.learning import balance_findings, fold_findings, resimulation_findings
-from handsight.datasets.integrity.doctor.near_duplicates import likeness_findings
+from handsight.datasets.integrity.doctor.near_duplicates import near_duplicate_findings
 from handsight.datasets.integrity.doctor.pictures import (
     damage_finding,
     intrinsics_findings,
@@ -79,7 +79,7 @@ def _shallow(dataset: GraspDataset) -> Iterator[Finding]:
 def _deep(dataset: GraspDataset, on_picture: Callable[[], None] | None) -> Iterator[Finding]:
     facts = picture_facts(dataset, on_picture)
     yield from picture_findings(facts)
-    yield from likeness_findings(facts.hashes, _folds(dataset))
+    yield from near_duplicate_findings(facts.hashes, _folds(dataset))
 
 
 def _folds(dataset: GraspDataset) -> list[Folds]:

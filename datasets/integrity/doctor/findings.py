@@ -6,6 +6,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
+from handsight.datasets.errors import counted
+
 Severity = Literal["error", "warning", "note"]
 
 
@@ -22,9 +24,13 @@ class Finding:
 
 
 def attempt_finding(code: str, severity: Severity, attempts: Iterable[str], message: str) -> list[Finding]:
-    """One finding about some attempts; none where there are no attempts. ``{n}`` in the message is their number."""
+    """One finding about some attempts; none where there are no attempts.
+
+    In the message ``{n}`` is their number, and ``{attempts}`` the number with its noun.
+    """
     ids = tuple(attempts)
-    return [Finding(code=code, severity=severity, attempts=ids, message=message.format(n=len(ids)))] if ids else []
+    text = message.format(n=len(ids), attempts=counted(len(ids), "attempt"))
+    return [Finding(code=code, severity=severity, attempts=ids, message=text)] if ids else []
 
 
 def dataset_finding(code: str, severity: Severity, message: str) -> Finding:

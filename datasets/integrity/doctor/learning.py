@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from handsight.datasets.curation.folds import Folds, fold_faults
+from handsight.datasets.errors import counted
 from handsight.datasets.format.decisions import trainable
 from handsight.datasets.format.digest import attempt_digest
 from handsight.datasets.format.schema import parse_attempt_id
@@ -25,7 +26,8 @@ def balance_findings(dataset: GraspDataset) -> Iterator[Finding]:
     labels = dataset.attempts["success"][trainable(dataset.attempts)]
     share = float(labels.mean()) if len(labels) else 0.5
     if len(labels) >= _FEWEST and not _RAREST <= share <= 1 - _RAREST:
-        message = f"{share:.1%} of {len(labels)} labelled attempts succeed, expected {_RAREST:.0%} to {1 - _RAREST:.0%}"
+        expected = f"expected {_RAREST:.0%} to {1 - _RAREST:.0%}"
+        message = f"{share:.1%} of {len(labels)} labelled attempts succeed, {expected}"
         yield dataset_finding("GD-401", "warning", message)
 
 
@@ -56,12 +58,12 @@ def resimulation_findings(
             different.append(attempt)
         else:
             alike.append(attempt)
-    of = f"{{n}} of {len(chosen)} attempts"
+    of = f"{{n}} of {counted(len(chosen), 'attempt')}"
     yield from attempt_finding(
-        "GD-501", "error", wrong, f"{of} end otherwise when simulated again: other code, assets or seeds"
+        "GD-501", "error", wrong, f"{of} with another outcome when simulated again: other code, assets or seeds"
     )
     yield from attempt_finding(
-        "GD-502", "warning", different, f"{of} end alike when simulated again, but their bytes differ"
+        "GD-502", "warning", different, f"{of} with the same outcome when simulated again, but other bytes"
     )
-    yield from attempt_finding("GD-503", "note", not_possible, f"{of} cannot be simulated again here")
-    yield from attempt_finding("GD-504", "note", alike, f"{of} are the same in every recorded bit when simulated again")
+    yield from attempt_finding("GD-503", "note", not_possible, f"{of} not possible to simulate again here")
+    yield from attempt_finding("GD-504", "note", alike, f"{of} the same in every recorded bit when simulated again")

@@ -1,4 +1,4 @@
-"""GD-307 and GD-403: pictures that look nearly the same.
+"""GD-307 and GD-403: near-duplicates among pictures.
 
 A picture is reduced to 17x16 grey cells; each bit of its hash says whether a cell is brighter than its right
 neighbour, a difference hash of 256 bits. Pictures within a few bits show the same scene. To find such pairs without
@@ -16,10 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handsight.datasets.curation.folds import Folds
+from handsight.datasets.errors import counted
 from handsight.datasets.integrity.doctor.findings import Finding, attempt_finding
 
 NEAR_BITS = 7
-"""Most bits in which two hashes of nearly the same picture differ; fewer than there are bands."""
+"""Most bits in which the hashes of two near-duplicates differ; fewer than there are bands."""
 
 _SIDE = 16
 _BANDS = 8
@@ -59,14 +60,14 @@ def near_pairs(hashes: Mapping[str, int]) -> Iterator[tuple[str, str]]:
                 yield names[left][0], names[right][0]
 
 
-def likeness_findings(hashes: Mapping[str, int], folds: list[Folds]) -> Iterator[Finding]:
-    """Overhead pictures that are nearly the same, and where such a pair is in two folds."""
+def near_duplicate_findings(hashes: Mapping[str, int], folds: list[Folds]) -> Iterator[Finding]:
+    """Near-duplicates among overhead pictures, and pairs of them that are in two folds."""
     pairs = list(near_pairs(hashes))
     yield from attempt_finding(
         "GD-307",
         "note",
         sorted({name for pair in pairs for name in pair}),
-        f"{{n}} attempts look nearly the same as another, in {len(pairs)} pairs",
+        f"{{attempts}} with a near-duplicate, in {counted(len(pairs), 'pair')}",
     )
     for division in folds:
         parted = {
@@ -81,5 +82,5 @@ def likeness_findings(hashes: Mapping[str, int], folds: list[Folds]) -> Iterator
             "GD-403",
             "warning",
             sorted(parted),
-            f"{{n}} attempts of folds {division.name!r} look nearly the same as one of another fold",
+            f"{{attempts}} of folds {division.name!r} with a near-duplicate in another fold",
         )

@@ -68,15 +68,17 @@ def picture_findings(facts: PictureFacts) -> Iterator[Finding]:
     """Blank and frozen pictures, holes, units, repeated pictures."""
     table = facts.table
     blank = table["deviation"] < _BLANK_DEVIATION
-    yield from _about("GD-301", "error", table[blank], "{n} attempts have a picture that is black or of one colour")
+    yield from _about("GD-301", "error", table[blank], "{attempts} with a picture that is black or of one colour")
     seen = table[~blank]
     frozen = _frozen(seen)
-    yield from _about("GD-302", "error", seen[frozen], "{n} attempts repeat the picture before: the camera was frozen")
+    yield from _about(
+        "GD-302", "error", seen[frozen], "{attempts} with the picture of the attempt before: the camera was frozen"
+    )
     twice = seen[~frozen].duplicated("digest", keep=False)
-    yield from _about("GD-306", "warning", seen[~frozen][twice], "{n} attempts share a picture with another attempt")
+    yield from _about("GD-306", "warning", seen[~frozen][twice], "{attempts} with the same picture as another attempt")
     holes = table["holes"] > _MOST_HOLES
     yield from _about(
-        "GD-303", "warning", table[holes], f"{{n}} attempts lack depth in over {_MOST_HOLES:.0%} of a picture"
+        "GD-303", "warning", table[holes], f"{{attempts}} without depth in over {_MOST_HOLES:.0%} of a picture"
     )
     low, high = _DEPTH_RATIO
     off = table[~holes & ~table["depth_ratio"].between(low, high)]
@@ -85,7 +87,7 @@ def picture_findings(facts: PictureFacts) -> Iterator[Finding]:
         "GD-304",
         "error",
         off,
-        f"{{n}} attempts measure depth at {ratio:.3g} times the camera's height: check depth_scale_m and the mount",
+        f"{{attempts}} with depth at {ratio:.3g} times the camera's height: check depth_scale_m and the mount",
     )
 
 

@@ -43,12 +43,12 @@ def _id_findings(dataset: GraspDataset) -> Iterator[Finding]:
         "GD-104",
         "error",
         table.index[table["number"].to_numpy() != positions.to_numpy()],
-        "{n} attempts have another number than their place in the session",
+        "{attempts} with another number than the position in the session",
     )
     curated = {one for decision in dataset.overlay.decisions for one in decision.attempts}
     yield from attempt_finding(
         "GD-105",
         "warning",
         sorted(curated - set(table.index)),
-        "{n} attempts that were curated are not in this version",
+        "{attempts} curated and not in this version",
     )

@@ -134,7 +134,7 @@ def test_the_figure_of_a_dataset(grasps: Path, tmp_path: Path, capsys: pytest.Ca
     assert json_of(capsys, "dataset", "stats", grasps, "--plot", figure) == plain
     assert (plain["labelled"], plain["successes"]) == (23, 5)
     assert {"objects", "sessions", "angle_rad", "width_m", "force_n"} <= set(plain)
-    assert sum(plain["width_bins_m"]["attempts"]) == sum(block["attempts"] for block in plain["blocks"]) == 23
+    assert sum(plain["width_bins_m"]["attempts"]) == sum(window["attempts"] for window in plain["windows"]) == 23
     assert ">grasps@main: 5 of 23 labelled attempts succeed, 21.7 %<" in figure.read_text()
     assert [path.name for path in tmp_path.iterdir()] == ["stats.svg"]
     assert str(figure) in out_of(capsys, "dataset", "stats", grasps, "--plot", figure)

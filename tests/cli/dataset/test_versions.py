@@ -102,7 +102,7 @@ def test_exclude_restore_and_undo(path: Path) -> None:
     assert done == {"attempts": ids(path, 0, 1), "decision": 0}
     assert json_of("restore", path, "--where", "excluded and success", "-m", "fine")["attempts"] == ids(path, 0)
     assert GraspDataset.open(str(path)).info().excluded == 1
-    assert "counts no longer" in invoke("undo", path)
+    assert "is reverted" in invoke("undo", path)
     listed = json_of("decisions", path)
     assert [(one["action"], one["counts"]) for one in listed] == [("exclude", True), ("restore", False), ("undo", True)]
     assert (listed[0]["author"], listed[0]["reason"]) == ("anna", "cable in view")
@@ -182,7 +182,7 @@ def test_versions_branch_diff_and_revert(path: Path) -> None:
 
 def test_doctor_verify_and_repair(path: Path) -> None:
     assert json_of("doctor", path, "--deep") == {"ok": True, "findings": []}
-    assert "fit to learn from" in invoke("doctor", path)
+    assert "no errors or warnings" in invoke("doctor", path)
     report = json_of("verify", path)
     assert (report["checked"], report["corrupt"]) == (6, [])
     assert "nothing is damaged" in invoke("repair", path, "--branch", "repaired")

@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import csv
+import errno
+import io
 import json
+import tempfile
+from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -11,14 +15,21 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+import typer
 from tests.support.factories import make_station
+from typer.testing import CliRunner
 
-from handsight.datasets import GraspDataset, InterchangeError, Outcome, export_dataset, import_dataset
+from handsight.cli.dataset import exchange
+from handsight.datasets import GraspDataset, InterchangeError, Outcome, StorageError, export_dataset, import_dataset
 from handsight.datasets.format.header import station_to_json
+from handsight.datasets.writing import batches
 from handsight.servoing.planar import PlanarPose
 
 Lines = list[dict[str, Any]]
 LINES = 3
+
+app = typer.Typer()
+exchange.register(app)
 
 
 def write_table(folder: Path, lines: Lines) -> None:
@@ -80,6 +91,40 @@ def test_pictures_and_table_become_attempts(lines: Lines, tmp_path: Path) -> Non
         assert attempt.started_ns == (line["started_ns"] or 0)
         assert (attempt.pregrasp is None, attempt.scene is None) == (number == 1, number == 1)
     assert dataset.attempts["target"].tolist()[0] == "cup"
+
+
+@pytest.mark.parametrize("dry_run", [False, True])
+def test_every_picture_is_decoded_and_every_attempt_hashed_once(
+    lines: Lines, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, dry_run: bool
+) -> None:
+    made: Counter[str] = Counter()
+
+    def counting(name: str, function: Callable[..., Any]) -> Callable[..., Any]:
+        def count(*arguments: Any, **named: Any) -> Any:
+            made[name] += 1
+            return function(*arguments, **named)
+
+        return count
+
+    monkeypatch.setattr(cv2, "imdecode", counting("decoded", cv2.imdecode))
+    monkeypatch.setattr(batches, "attempt_digest", counting("hashed", batches.attempt_digest))
+    words = ["import", str(tmp_path / "photos"), str(tmp_path / "grasps"), *["--dry-run"] * dry_run]
+    assert CliRunner().invoke(app, words, catch_exceptions=False).exit_code == 0
+    assert made == {"decoded": 4 * LINES - 2, "hashed": LINES}
+    assert (tmp_path / "grasps").exists() != dry_run
+
+
+def test_a_full_disk_for_temporary_files_is_said_and_leaves_nothing(
+    lines: Lines, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Full(io.BytesIO):
+        def write(self, data: Any) -> int:
+            raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(tempfile, "TemporaryFile", Full)
+    with pytest.raises(StorageError, match=r"cannot keep encoded pictures in .*: No space left .* TMPDIR"):
+        import_dataset(tmp_path / "photos", tmp_path / "grasps")
+    assert [path.name for path in tmp_path.iterdir()] == ["photos"]
 
 
 def test_importing_twice_adds_nothing(lines: Lines, tmp_path: Path) -> None:

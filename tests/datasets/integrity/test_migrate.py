@@ -125,7 +125,7 @@ def test_the_command_says_what_it_did_and_when_there_is_nothing_to_do(
 ) -> None:
     path = unpacked(1, tmp_path)
     assert run(["dataset", "migrate", str(path), "--branch", "new"]) == 0
-    assert f"2 sessions brought from schema 1 to {SCHEMA_VERSION}" in " ".join(capsys.readouterr().out.split())
+    assert f"2 sessions upgraded from schema 1 to {SCHEMA_VERSION}" in " ".join(capsys.readouterr().out.split())
     assert run(["dataset", "migrate", f"{path}@new", "--branch", "again"]) == 0
     assert "no branch was made" in capsys.readouterr().out
     assert run(["dataset", "info", str(path)]) == 2
@@ -151,7 +151,7 @@ def test_a_taken_name_changes_nothing(tmp_path: Path) -> None:
     assert repository.branches() == before
 
 
-def test_what_is_damaged_is_not_vouched_for(tmp_path: Path) -> None:
+def test_damage_is_not_hidden_by_a_new_digest(tmp_path: Path) -> None:
     repository = GraspRepository.open(unpacked(1, tmp_path))
     change = repository.writable("main")
     session = next(iter(zarr.open_group(change.store, mode="r+")["sessions"].groups()))[1]  # type: ignore[union-attr]

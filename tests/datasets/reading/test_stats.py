@@ -45,8 +45,8 @@ def test_all_counts_agree(repository: GraspRepository) -> None:
     met = total(found.contact_bins_n)
     assert (met[0] + found.no_contact.attempts, met[1] + found.no_contact.successes) == everything
     assert (np.sum(found.positions.attempts), np.sum(found.positions.successes)) == everything
-    assert (sum(one.attempts for one in found.blocks), sum(one.successes for one in found.blocks)) == everything
-    assert found.blocks[0].first == 2
+    assert (sum(one.attempts for one in found.windows), sum(one.successes for one in found.windows)) == everything
+    assert found.windows[0].first == 2
 
 
 def test_angles_half_a_turn_apart_are_one(repository: GraspRepository) -> None:
@@ -84,11 +84,11 @@ def test_blocks_follow_the_sessions_without_small_remainders(repository: GraspRe
         [placed(n, held=True) for n in range(4)],
         [placed(n, held=False) for n in range(30)],
     )
-    assert found.block_attempts == 10
-    sizes = [[one.attempts for one in found.blocks if one.session == share.name] for share in found.sessions]
+    assert found.window_attempts == 10
+    sizes = [[one.attempts for one in found.windows if one.session == share.name] for share in found.sessions]
     assert sizes == [[11, 11, 11, 10, 10], [4], [10, 10, 10]]
-    assert [(one.first, one.last) for one in found.blocks[:2]] == [(0, 10), (11, 21)]
-    assert [one.successes for one in found.blocks] == [11, 1, 0, 0, 0, 4, 0, 0, 0]
+    assert [(one.first, one.last) for one in found.windows[:2]] == [(0, 10), (11, 21)]
+    assert [one.successes for one in found.windows] == [11, 1, 0, 0, 0, 4, 0, 0, 0]
 
 
 def test_nothing_labelled_is_no_failure(repository: GraspRepository) -> None:
@@ -96,7 +96,7 @@ def test_nothing_labelled_is_no_failure(repository: GraspRepository) -> None:
     assert (found.labelled, found.unlabelled) == (0, 3)
     assert found.width_bins_m.edges == found.contact_bins_n.edges == ()
     assert found.positions.attempts == ()
-    assert found.blocks == ()
+    assert found.windows == ()
     assert total(found.angle_bins_rad) == (0, 0)
 
 

@@ -11,7 +11,7 @@ from tests.support.factories import make_attempt, make_header, record
 from tests.support.rrd import colours, read_picture
 
 from handsight.datasets import GraspDataset, GraspRepository, Outcome
-from handsight.datasets.reading.stats import Block, Histogram, LabelStats, PositionMap, Share, label_stats
+from handsight.datasets.reading.stats import Histogram, LabelStats, PositionMap, Share, Window, label_stats
 from handsight.evaluation.results import wilson_95
 from handsight.viz.errors import FigureError
 from handsight.viz.figures.dataset import stats_figure
@@ -21,11 +21,11 @@ NOTHING = Histogram(edges=(), attempts=(), successes=())
 
 
 def made_up(objects: int = 3, sessions: int = 2, attempts: int = 30, successes: int = 12) -> LabelStats:
-    """Numbers of a dataset in which every object, bin and block has as many attempts and successes."""
+    """Numbers of a dataset in which every object, bin and window has as many attempts and successes."""
     histogram = Histogram(edges=(0.0, 0.5, 1.0), attempts=(attempts, 0), successes=(successes, 0))
     each = [Share(name=f"set/thing-{at:03d}", attempts=attempts, successes=successes) for at in range(objects)]
-    blocks = [
-        Block(session=f"s{at}", first=0, last=attempts - 1, attempts=attempts, successes=successes)
+    windows = [
+        Window(session=f"s{at}", first=0, last=attempts - 1, attempts=attempts, successes=successes)
         for at in range(sessions)
     ]
     return LabelStats(
@@ -48,8 +48,8 @@ def made_up(objects: int = 3, sessions: int = 2, attempts: int = 30, successes: 
             attempts=((attempts,), (0,)),
             successes=((successes,), (0,)),
         ),
-        block_attempts=1000,
-        blocks=tuple(blocks),
+        window_attempts=1000,
+        windows=tuple(windows),
     )
 
 
@@ -61,7 +61,7 @@ def test_the_figure_holds_the_numbers(tmp_path: Path) -> None:
     text = svg_of(made_up(), tmp_path)
     assert ">grasps@v1: 12 of 30 labelled attempts succeed, 40.0 %<" in text
     assert ">95 % Wilson interval 24.6 % to 57.7 %; left out: 5,678 without a label, 4,321 excluded<" in text
-    for expected in ("thing-000", "thing-002", "Success by object (set)", "in blocks of about 1,000 attempts"):
+    for expected in ("thing-000", "thing-002", "Success by object (set)", "in windows of about 1,000 attempts"):
         assert expected in text
     assert "set/thing" not in text
     assert text.count(">30<") >= 3

@@ -42,7 +42,7 @@ class Companions(Resolver):
         """The content of a file.
 
         Raises:
-            FileNotFoundError: it cannot be used; the reason is among the faults.
+            FileNotFoundError: It cannot be used; the reason is among the faults.
         """
         try:
             path = self._locate(key)
@@ -73,7 +73,7 @@ class Companions(Resolver):
         """Refuse the mesh when a file that it names could not be used.
 
         Raises:
-            MeshFault: names every such file.
+            MeshFault: Names every such file.
         """
         if self.faults:
             faults = "; ".join(dict.fromkeys(self.faults))
@@ -96,7 +96,7 @@ def check_picture(content: bytes) -> None:
     """Decode a texture.
 
     Raises:
-        MeshFault: it is no picture, cut off, or too large.
+        MeshFault: It is no picture, cut off, or too large.
     """
     try:
         with Image.open(io.BytesIO(content), formats=_PICTURES) as picture:

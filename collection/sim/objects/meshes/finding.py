@@ -43,7 +43,7 @@ def check_place(folder: Path, path: Path) -> None:
     """Refuse files outside ``folder`` and names that no manifest could hold.
 
     Raises:
-        MeshFault: with the reason.
+        MeshFault: With the reason.
     """
     if not path.exists():
         raise MeshFault("is a link that leads nowhere; restore the file, or delete the link")
@@ -86,7 +86,7 @@ def check_name(name: str, taken_by: str | None) -> None:
     """Refuse a name that a folder cannot have, or that another object of the set has.
 
     Raises:
-        MeshFault: with the reason.
+        MeshFault: With the reason.
     """
     if taken_by is not None:
         raise MeshFault(

@@ -26,7 +26,7 @@ def check_glb(content: bytes, *, textures: bool) -> None:
         textures: whether its pictures matter.
 
     Raises:
-        MeshFault: with the reason.
+        MeshFault: With the reason.
     """
     try:
         tree, binary = _chunks(content)

@@ -59,8 +59,8 @@ def import_folder(
         progress: called after each mesh that was cut.
 
     Raises:
-        MeshImportError: wrong arguments, or meshes that cannot be used; names all faults, and nothing was written.
-        ObjectSetError: the cache cannot be written.
+        MeshImportError: Wrong arguments, or meshes that cannot be used; names all faults, and nothing was written.
+        ObjectSetError: The cache cannot be written.
     """
     return carry_out(plan_import(folder, name, settings=settings, skip_bad=skip_bad), progress=progress)
 
@@ -69,8 +69,8 @@ def carry_out(plan: ImportPlan, *, progress: Progress | None = None) -> ImportRe
     """Write the set that was planned, whole or not at all.
 
     Raises:
-        MeshImportError: meshes that cannot be cut into parts or have changed since; nothing was written.
-        ObjectSetError: the cache cannot be written.
+        MeshImportError: Meshes that cannot be cut into parts or have changed since; nothing was written.
+        ObjectSetError: The cache cannot be written.
     """
     skipped = list(plan.skipped)
 
@@ -106,7 +106,7 @@ def _write(item: PlannedObject, plan: ImportPlan, scratch: Path, cutter: Cutter)
     """Read the mesh again, cut it, and write it into a folder of its own.
 
     Raises:
-        MeshFault: the mesh has changed since it was checked, or cannot be cut.
+        MeshFault: The mesh has changed since it was checked, or cannot be cut.
     """
     mesh = check_mesh(plan.source / item.source, root=plan.source, scale=plan.settings.scale, plain=plan.settings.plain)
     if list(mesh.sha256.values()) != list(item.sha256.values()):

@@ -52,7 +52,7 @@ def check_mesh(path: Path, *, root: Path, scale: float, plain: bool = False) -> 
         plain: leave materials, textures and colours unread.
 
     Raises:
-        MeshFault: it cannot be used, with the reason and what to do about it.
+        MeshFault: It cannot be used, with the reason and what to do about it.
     """
     content = _content(path)
     companions = Companions(path, root)

@@ -132,7 +132,7 @@ def plan_import(
         progress: called after each mesh.
 
     Raises:
-        MeshImportError: wrong arguments, meshes that cannot be used, or a name that is taken; names all faults.
+        MeshImportError: Wrong arguments, meshes that cannot be used, or a name that is taken; names all faults.
     """
     settings = settings or ImportSettings()
     paths = _check_request(folder, name, settings)
@@ -160,7 +160,7 @@ def check_same(plan: ImportPlan, manifest: Manifest) -> None:
     """Refuse a name under which something else was imported.
 
     Raises:
-        MeshImportError: the set that exists was made from other meshes or settings.
+        MeshImportError: The set that exists was made from other meshes or settings.
     """
     if manifest.settings != plan.record():
         raise MeshImportError(
@@ -180,7 +180,7 @@ def _check_request(folder: Path, name: str, settings: ImportSettings) -> list[Pa
     """The mesh files to read.
 
     Raises:
-        MeshImportError: the arguments make no sense; names all faults.
+        MeshImportError: The arguments make no sense; names all faults.
     """
     faults = settings.faults()
     if not _NAME.fullmatch(name):

@@ -57,7 +57,7 @@ def make_solid(mesh: trimesh.Trimesh) -> Solid:
         mesh: in metres; every index names a vertex.
 
     Raises:
-        MeshFault: the surface is open or inconsistent, encloses nothing, or falls into pieces.
+        MeshFault: The surface is open or inconsistent, encloses nothing, or falls into pieces.
     """
     surface = trimesh.Trimesh(vertices=mesh.vertices, faces=mesh.faces, process=False)
     surface.merge_vertices()
