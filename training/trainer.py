@@ -88,8 +88,8 @@ def train(
     labels = data.labels
     used = np.arange(len(labels)) if rows is None else rows
     _check_labels(labels[used])
-    # Of what is random, the initial weights come from torch's global generator, set aside meanwhile, and the order of
-    # the batches from the loader's; the rest, which attempts are held out and the jitter, comes from this one.
+    # Which attempts are held out and how inputs are jittered follows from this generator, the order of the batches from
+    # the loader's; torch draws the initial weights from its global one, which is afterwards as it was.
     generator = torch.Generator().manual_seed(settings.seed)
     with torch.random.fork_rng(devices=()):
         torch.manual_seed(settings.seed)

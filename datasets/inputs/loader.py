@@ -44,10 +44,10 @@ class GraspLoader:
     a loader that is given it goes on with the next batch.
 
     Args:
-        dataset: Where the batches come from.
+        dataset: Where the batches come from; a ``FlippedGrasps`` has every attempt in all four flips.
         batch_size: Samples in a batch; the last of an epoch may have fewer.
         seed: Of the order.
-        rows: Positions to draw from, such as those of a training fold; None for all.
+        rows: Positions in ``dataset`` to draw from, such as those of a training fold; None for all. Shape (M,).
         workers: Processes that gather batches; with none, which is the fastest on few cores, it is done here.
         start_method: How workers are started.
 
