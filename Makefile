@@ -57,7 +57,7 @@ bench: venv  ## Run every benchmark
 	'$(BIN)/python' -m benchmarks all $(ARGS)
 
 docs: venv  ## Check links, commands and targets quoted in the documents
-	'$(BIN)/pytest' tests/test_docs.py $(ARGS)
+	'$(BIN)/pytest' tests/layout/test_docs.py $(ARGS)
 
 clean:  ## Remove caches and builds; the environment and demo/ stay
 	rm -rf build dist .hypothesis .import_linter_cache .mypy_cache .pytest_cache .ruff_cache

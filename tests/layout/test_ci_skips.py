@@ -49,7 +49,7 @@ def test_an_expected_failure_is_no_skip(tmp_path: Path) -> None:
 def test_the_root_on_the_import_path_is_refused() -> None:
     root = TESTS.parent
     environment = {name: value for name, value in os.environ.items() if name != "PYTHONSAFEPATH"}
-    command = [sys.executable, "-m", "pytest", "--collect-only", "-q", "tests/test_ci_skips.py"]
+    command = [sys.executable, "-m", "pytest", "--collect-only", "-q", "tests/layout/test_ci_skips.py"]
     run = subprocess.run(command, cwd=root, env=environment, capture_output=True, text=True, check=False)
     assert run.returncode == pytest.ExitCode.USAGE_ERROR
     assert "make test" in run.stderr

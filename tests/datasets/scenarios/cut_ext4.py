@@ -1,10 +1,10 @@
 """Cuts the power of a real ext4 file system under a writer, again and again. Needs root, losetup and mkfs.ext4.
 
-Run as ``python -P tests/datasets/cut_ext4.py [CUTS] [--without-sync]``. A session is recorded in a file system inside
-a file. At random moments the writer is stopped and the file copied: the copy holds what had reached the disk, and
-nothing of what the kernel still kept in memory, which it is told to keep for minutes. The copy is mounted, which
-replays the journal as after a power cut, and must hold every attempt whose commit had been acknowledged, whole, and
-take another release. ``--without-sync`` shows what becomes of a dataset that leaves syncing to Icechunk.
+Run as ``python -P tests/datasets/scenarios/cut_ext4.py [CUTS] [--without-sync]``. A session is recorded in a file
+system inside a file. At random moments the writer is stopped and the file copied: the copy holds what had reached the
+disk, and nothing of what the kernel still kept in memory, which it is told to keep for minutes. The copy is mounted,
+which replays the journal as after a power cut, and must hold every attempt whose commit had been acknowledged, whole,
+and take another release. ``--without-sync`` shows what becomes of a dataset that leaves syncing to Icechunk.
 
 Not collected by pytest, whose runs have no root; ``test_power_cuts.py`` cuts the power of a modelled disk instead,
 which also loses what no ext4 ever would.
@@ -29,11 +29,11 @@ from handsight.datasets import DatasetError, GraspDataset, GraspRepository, veri
 
 FACTORIES = Path(__file__).parents[2] / "support" / "factories.py"
 UNSYNCED = """
-import runpy, sys
-from handsight.datasets import engine, refs, repository
-for module in (engine, repository):
+import os, runpy, sys
+from handsight.datasets.store import branches, icechunk_engine, layout, repository
+for module in (branches, icechunk_engine, layout, repository):
     module.sync_file_system = lambda path: None
-refs.os.fsync = lambda descriptor: None
+os.fsync = lambda descriptor: None
 sys.argv = sys.argv[1:]
 runpy.run_path(sys.argv[0], run_name="__main__")
 """
