@@ -2,7 +2,7 @@
 
 EvaluationError
 ├── EvaluationSettingsError (ValueError)   settings out of range
-└── LabelIssuesError (ValueError)             attempts whose labels cannot be reviewed
+└── LabelIssuesError (ValueError)          attempts whose labels cannot be reviewed
 """
 
 
