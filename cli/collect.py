@@ -124,7 +124,7 @@ def collect_with_progress(
         def show(attempt: GraspAttempt, held: int) -> None:
             nonlocal done, successes
             done += 1
-            successes += attempt.labelled and bool(attempt.outcome)
+            successes += attempt.success
             bar.reached(held, f"{successes / done:.0%} successful")
 
         try:

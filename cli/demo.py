@@ -22,6 +22,7 @@ from handsight.cli.servo import write_trace
 from handsight.cli.train import describe, train_to_folder
 from handsight.cli.wiring.stations import sim_station
 from handsight.collection.collector import CollectSettings
+from handsight.datasets.atomic import atomic_file
 from handsight.datasets.reading.reader import GraspDataset
 from handsight.datasets.store.repository import GraspRepository
 from handsight.evaluation.evaluate import EvaluationSettings, TrialContextFactory, record_trial
@@ -129,9 +130,8 @@ def _evaluate(paths: DemoPaths, settings: EvaluationSettings) -> list[ResultRow]
     key = {"weights_sha256": weights, "trials_each": settings.trials, "seed": settings.seed}
     if any(results.get(name) != value for name, value in key.items()):
         results = {**evaluate_model(paths.run, NOVEL_OBJECTS, settings), **key}
-        unfinished = paths.results.with_name(".results.json.unfinished")
-        unfinished.write_text(json.dumps(results, indent=2) + "\n", encoding="utf-8")
-        unfinished.replace(paths.results)
+        with atomic_file(paths.results) as unfinished:
+            unfinished.write_text(json.dumps(results, indent=2) + "\n", encoding="utf-8")
     rows: list[ResultRow] = results["rows"]
     return rows
 

@@ -133,7 +133,7 @@ def collect(
     with closing(answers), _commit_on_error(writer):
         for attempt in answers:
             writer.append(attempt)
-            successes += attempt.labelled and bool(attempt.outcome)
+            successes += attempt.success
             if on_attempt is not None:
                 on_attempt(attempt, writer.next_number)
             if writer.next_number % settings.commit_every == 0:

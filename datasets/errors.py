@@ -140,6 +140,11 @@ class ForkedProcessError(DatasetError, RuntimeError):
     """An open dataset was used in a forked child, where Icechunk would hang."""
 
 
+def counted(number: int, noun: str) -> str:
+    """A number of things for a message, such as ``1 attempt`` and ``2 attempts``."""
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+
+
 def headline(error: Exception) -> str:
     """The first line of an error's message, for another's; Icechunk adds a Rust backtrace below it."""
     lines = [line.strip(" x×") for line in str(error).splitlines() if line.strip(" x×")]

@@ -134,6 +134,11 @@ class GraspAttempt:
         """Whether the attempt ran to its end and so carries a label."""
         return self.outcome in (Outcome.EMPTY, Outcome.HELD)
 
+    @property
+    def success(self) -> bool:
+        """Whether the attempt carries a label, and it is that the object was held. False without a label."""
+        return self.outcome == Outcome.HELD
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SessionHeader:

@@ -6,10 +6,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Protocol
 
 import torch
 
+from handsight.collection.collector import StationFactory
 from handsight.collection.station import Station
 from handsight.evaluation.errors import EvaluationSettingsError
 from handsight.evaluation.trial import Trial, TrialRecording, run_trial
@@ -18,13 +18,6 @@ from handsight.servoing.loop import ServoSettings
 from handsight.servoing.methods.registry import RANDOM, check_methods
 from handsight.servoing.objective import ScoreInputs
 from handsight.training.run import load_scorer
-
-
-class OpenStation(Protocol):
-    """Opens equal stations in any process; must survive pickling."""
-
-    def __call__(self) -> Station:
-        """Open a station."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,7 +49,7 @@ class EvaluationSettings:
 
 @dataclass(frozen=True, slots=True)
 class TrialContext:
-    """What a worker holds: a station and a network."""
+    """The context of a worker: a station and a network."""
 
     station: Station
     score_inputs: ScoreInputs
@@ -68,16 +61,16 @@ class TrialContext:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrialContextFactory:
-    """Opens a context in a worker process."""
+    """Opens the context of a worker in its process; survives pickling, as its station factory must."""
 
-    open_station: OpenStation
+    open_station: StationFactory
     run: Path
     """Folder of the trained run."""
 
     def __call__(self) -> TrialContext:
         """Open the station and load the network.
 
-        One thread each: several workers with several threads would only wait for each other.
+        One thread for each worker: with more, workers would only wait for each other.
         """
         torch.set_num_threads(1)
         return TrialContext(self.open_station(), load_scorer(self.run))

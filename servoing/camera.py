@@ -9,7 +9,12 @@ convention of OpenCV and librealsense.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from handsight.servoing.errors import CameraModelError
 
@@ -42,6 +47,20 @@ class Intrinsics:
         focal = 0.5 * height / math.tan(0.5 * fov_y_rad)
         return cls(width=width, height=height, fx=focal, fy=focal, cx=(width - 1) / 2, cy=(height - 1) / 2)
 
+    def to_json(self) -> dict[str, Any]:
+        """The camera as JSON values."""
+        return asdict(self)
+
+    @classmethod
+    def from_json(cls, values: Mapping[str, Any]) -> Intrinsics:
+        """The camera that :meth:`to_json` was called on.
+
+        Raises:
+            TypeError: A value is missing, or there is one too many.
+            CameraModelError: The values make no camera.
+        """
+        return cls(**values)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HandCamera:
@@ -55,3 +74,24 @@ class HandCamera:
     in the picture, as in section VI-C of the paper."""
     z_tool_camera_m: float
     """Camera centre in the tool frame, along the approach [m]. Negative: above the fingertips."""
+
+    def pose_base_camera(self, pose_base_tool: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Camera frame in the base frame, from the tool frame in the base frame. Both have shape (4, 4)."""
+        pose_tool_camera = np.eye(4)
+        pose_tool_camera[:3, 3] = self.x_tool_camera_m, self.y_tool_camera_m, self.z_tool_camera_m
+        pose: NDArray[np.float64] = pose_base_tool @ pose_tool_camera
+        return pose
+
+    def to_json(self) -> dict[str, Any]:
+        """The camera as JSON values."""
+        return asdict(self)
+
+    @classmethod
+    def from_json(cls, values: Mapping[str, Any]) -> HandCamera:
+        """The camera that :meth:`to_json` was called on.
+
+        Raises:
+            KeyError, TypeError: A value is missing, or there is one too many.
+            CameraModelError: The values make no camera.
+        """
+        return cls(**{**values, "intrinsics": Intrinsics.from_json(values["intrinsics"])})

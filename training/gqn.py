@@ -6,7 +6,8 @@ these come to 0.19 M parameters, so that 64 candidate poses take about ten milli
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from typing import Any, Self
 
 import torch
 from torch import Tensor, nn
@@ -46,6 +47,24 @@ class GqnConfig:
             faults.append(f"size_px is {self.size_px}, expected a multiple of {2 ** len(self.widths)}")
         if faults:
             raise NetworkSettingsError("; ".join(faults))
+
+    def to_json(self) -> dict[str, Any]:
+        """As JSON values."""
+        return asdict(self)
+
+    @classmethod
+    def from_json(cls, values: dict[str, Any]) -> Self:
+        """From what :meth:`to_json` gave, perhaps by way of a file.
+
+        Raises:
+            TypeError: There is a setting that this handsight does not know.
+            NetworkSettingsError: The settings make no network.
+        """
+        # JSON has lists where the settings have tuples.
+        settings: dict[str, Any] = {
+            name: tuple(value) if isinstance(value, list) else value for name, value in values.items()
+        }
+        return cls(**settings)
 
 
 class GraspQualityNetwork(nn.Module):

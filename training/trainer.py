@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -13,7 +12,10 @@ from torch import Tensor
 from torch.nn import functional
 
 from handsight.datasets.inputs.augmentation import FLIPS, Jitter, flipped
+from handsight.datasets.inputs.loader import GraspLoader
 from handsight.datasets.inputs.materialize import GraspInputs
+from handsight.datasets.inputs.torch_dataset import FlippedGrasps
+from handsight.servoing.objective import ScoreInputs
 from handsight.training.errors import TrainerSettingsError, TrainingDataError
 from handsight.training.gqn import GqnConfig, GraspQualityNetwork, Scorer
 from handsight.training.metrics import Metrics, evaluate_scores
@@ -36,7 +38,7 @@ class TrainSettings:
     """Weigh the rarer successes so that both classes count alike. Without, S is the chance that the grasp succeeds,
     which is what the servo loop's threshold is compared with."""
     holdout: float = 0.1
-    """Share of the attempts kept aside to report accuracy on."""
+    """Share of the attempts held out to report accuracy on."""
     jitter: Jitter = field(default_factory=Jitter)
     seed: int = 0
 
@@ -82,79 +84,108 @@ def train(
     Raises:
         TrainingDataError: One class is missing, so there is nothing to tell apart.
     """
-    labels = torch.from_numpy(data.labels)
-    used = torch.arange(len(labels)) if rows is None else torch.from_numpy(rows)
-    positives = float(labels[used].sum())
-    if positives in (0.0, float(len(used))):
-        raise TrainingDataError(
-            f"{positives:.0f} of {len(used)} attempts are successes, expected some of both: collect more attempts"
-        )
-    # Everything random hangs on one generator, but for the initial weights, which torch draws from its global one.
+    labels = data.labels
+    used = np.arange(len(labels)) if rows is None else rows
+    _check_labels(labels[used])
+    # Of what is random, the initial weights come from torch's global generator, set aside meanwhile, and the order of
+    # the batches from the loader's; the rest, which attempts are held out and the jitter, comes from this one.
     generator = torch.Generator().manual_seed(settings.seed)
     with torch.random.fork_rng(devices=()):
         torch.manual_seed(settings.seed)
         network = GraspQualityNetwork(settings.network)
+    shuffled = used[torch.randperm(len(used), generator=generator).numpy()]
+    held_out, trained_on = np.split(shuffled, [int(settings.holdout * len(used))])
 
-    shuffled = used[torch.randperm(len(used), generator=generator)]
-    held_out, trained_on = shuffled.tensor_split([int(settings.holdout * len(used))])
-    trained_on = trained_on.sort().values  # memory-mapped reads run forwards
-
-    # --- optimiser and schedule
-    batches = math.ceil(len(trained_on) * FLIPS / settings.batch)
-    optimiser = torch.optim.AdamW(network.parameters(), lr=settings.learning_rate, weight_decay=settings.weight_decay)
-    schedule = torch.optim.lr_scheduler.OneCycleLR(
-        optimiser, settings.learning_rate, total_steps=settings.epochs * batches
-    )
-    share = float(labels[trained_on].mean())
-    positive_weight = torch.tensor((1 - share) / share) if settings.balance and 0 < share < 1 else None
-
+    passes = _Passes(network, data, trained_on, settings, generator)
     history = []
     for number in range(1, settings.epochs + 1):
-        network.train()
-        total_loss = 0.0
-        order = torch.randperm(len(trained_on) * FLIPS, generator=generator)
-        for chosen in order.split(settings.batch):
-            if len(chosen) < 2:
-                continue  # batch normalisation has no variance over one input
-
-            # --- batch: read, mirror, jitter
-            attempts = trained_on[chosen // FLIPS]
-            inputs = _read(data.inputs, attempts)  # (B, 4, size, size)
-            inputs = settings.jitter(flipped(inputs, chosen % FLIPS), generator)
-
-            # --- forward, backward, step
-            logits = network(inputs)  # (B,)
-            loss = functional.binary_cross_entropy_with_logits(logits, labels[attempts], pos_weight=positive_weight)
-            optimiser.zero_grad(set_to_none=True)
-            loss.backward()
-            optimiser.step()
-            schedule.step()
-            total_loss += float(loss.detach()) * len(chosen)
-
-        # --- report
-        metrics = evaluate_scores(predict(network, data.inputs, held_out), labels[held_out].numpy())
-        history.append(Epoch(number=number, train_loss=total_loss / len(order), held_out=metrics))
+        train_loss = passes.run_one()
+        metrics = evaluate_scores(predict(network, data.inputs, torch.from_numpy(held_out)), labels[held_out])
+        history.append(Epoch(number=number, train_loss=train_loss, held_out=metrics))
         if on_epoch is not None:
             on_epoch(history[-1])
     return network.eval(), tuple(history)
 
 
+def _check_labels(labels: NDArray[np.float32]) -> None:
+    positives = int(labels.sum())
+    if positives in (0, len(labels)):
+        raise TrainingDataError(
+            f"{positives} of {len(labels)} attempts are successes, expected some of both: collect more attempts"
+        )
+
+
+class _Passes:
+    """Passes over the training data: batches, loss, optimiser and schedule of one network."""
+
+    def __init__(
+        self,
+        network: GraspQualityNetwork,
+        data: GraspInputs,
+        trained_on: NDArray[np.int64],
+        settings: TrainSettings,
+        generator: torch.Generator,
+    ) -> None:
+        self._network = network
+        self._jitter = settings.jitter
+        self._generator = generator
+        self._samples = FLIPS * len(trained_on)
+        self._loader = GraspLoader(
+            FlippedGrasps(data),
+            batch_size=settings.batch,
+            # A negative seed counts as torch counts it: as 64 bits without a sign.
+            seed=settings.seed % 2**64,
+            rows=FlippedGrasps.positions(trained_on),
+        )
+        rate = settings.learning_rate
+        self._optimiser = torch.optim.AdamW(network.parameters(), lr=rate, weight_decay=settings.weight_decay)
+        self._schedule = torch.optim.lr_scheduler.OneCycleLR(
+            self._optimiser, rate, total_steps=settings.epochs * len(self._loader)
+        )
+        share = float(data.labels[trained_on].mean())
+        self._positive_weight = torch.tensor((1 - share) / share) if settings.balance and 0 < share < 1 else None
+
+    def run_one(self) -> float:
+        """See every attempt in all four flips once; returns the mean loss."""
+        self._network.train()
+        total_loss = 0.0
+        for inputs, labels in self._loader:  # (B, 4, size, size) float16, (B,)
+            if len(labels) < 2:
+                continue  # batch normalisation has no variance over one input
+            total_loss += len(labels) * self._step(self._jitter(inputs.float(), self._generator), labels)
+        return total_loss / self._samples
+
+    def _step(self, inputs: Tensor, labels: Tensor) -> float:
+        """Descend once; returns the loss before. (B, 4, size, size), (B,)."""
+        logits = self._network(inputs)  # (B,)
+        loss = functional.binary_cross_entropy_with_logits(logits, labels, pos_weight=self._positive_weight)
+        self._optimiser.zero_grad(set_to_none=True)
+        loss.backward()
+        self._optimiser.step()
+        self._schedule.step()
+        return float(loss.detach())
+
+
 def predict(network: GraspQualityNetwork, inputs: NDArray[np.float16], rows: Tensor) -> NDArray[np.float32]:
-    """Predicted success of some rows of materialised inputs. Shape (len(rows),)."""
-    score = Scorer(network)
-    scores = [score(_read(inputs, batch)) for batch in rows.split(SCORE_BATCH) if len(batch)]
-    return torch.cat(scores).numpy() if scores else np.empty(0, np.float32)
+    """Predicted success of some rows of materialized inputs. Shape (len(rows),)."""
+    return _scores(Scorer(network), inputs, rows)
 
 
 def predict_with_flips(network: GraspQualityNetwork, inputs: NDArray[np.float16], rows: Tensor) -> NDArray[np.float32]:
-    """As :func:`predict`, averaged over the four flips of each input. Shape (len(rows),)."""
+    """As :func:`predict`, with test-time augmentation: the mean over the four flips of each input."""
     score = Scorer(network)
-    scores = []
-    for batch in rows.split(SCORE_BATCH):
-        read = _read(inputs, batch)
-        variants = [score(flipped(read, torch.full((len(batch),), which))) for which in range(FLIPS)]
-        scores.append(torch.stack(variants).mean(dim=0))
-    return torch.cat(scores).numpy()
+
+    def mean_over_flips(batch: Tensor) -> Tensor:
+        flips = [score(flipped(batch, torch.full((len(batch),), which))) for which in range(FLIPS)]
+        return torch.stack(flips).mean(dim=0)
+
+    return _scores(mean_over_flips, inputs, rows)
+
+
+def _scores(score: ScoreInputs, inputs: NDArray[np.float16], rows: Tensor) -> NDArray[np.float32]:
+    """What ``score`` makes of the rows, a batch at a time. Shape (len(rows),)."""
+    batches = [score(_read(inputs, batch)) for batch in rows.split(SCORE_BATCH) if len(batch)]
+    return torch.cat(batches).numpy() if batches else np.empty(0, np.float32)
 
 
 def _read(inputs: NDArray[np.float16], rows: Tensor) -> Tensor:

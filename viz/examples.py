@@ -43,9 +43,9 @@ def heatmap_faults(examples: Sequence[HeatmapExample]) -> list[str]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LabelIssueExample:
-    """A doubted attempt with what is needed to judge it."""
+    """A label issue with what is needed to judge it."""
 
-    suspect: LabelIssue
+    issue: LabelIssue
     view: View
     """The overhead picture."""
     grasp: Step

@@ -15,7 +15,7 @@ from zarr.core.sync import sync
 from benchmarks import duration_s
 from handsight.datasets import GraspRepository
 from handsight.datasets.store.icechunk_engine import publish
-from handsight.datasets.writing.blocks import session_arrays
+from handsight.datasets.writing.batches import session_arrays
 
 
 class BareRepository:

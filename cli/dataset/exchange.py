@@ -15,10 +15,8 @@ from handsight.datasets.exchange.formats import EXPORT_FORMATS, FORMATS
 from handsight.datasets.exchange.merge import merge
 from handsight.datasets.exchange.transfer import TransferReport
 from handsight.datasets.format.schema import VIEWPOINTS, Viewpoint
-from handsight.datasets.inputs.materialize import materialize
 from handsight.datasets.reading.reader import GraspDataset
 from handsight.datasets.store.repository import GraspRepository
-from handsight.servoing.homography import InputGrid
 
 _IMPORTED = "; ".join(f"{one.name}: {one.description}" for one in FORMATS)
 
@@ -122,6 +120,10 @@ def materialize_command(
     as_json: Json = False,
 ) -> None:
     """Make the network inputs of a version, and print where they are."""
+    # Imported here: PyTorch takes seconds, and the other commands for datasets run where it is not installed.
+    from handsight.datasets.inputs.materialize import materialize
+    from handsight.servoing.homography import InputGrid
+
     version = GraspDataset.open(dataset)
     with progress_bar("warp", sum(session.attempts for session in version.sessions)) as bar:
         data = materialize(version, viewpoint=_view(viewpoint), grid=InputGrid(size_px=size_px), on_attempt=bar.advance)

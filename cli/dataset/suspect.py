@@ -1,4 +1,4 @@
-"""``handsight dataset suspect``: which labels to look at again."""
+"""``handsight dataset suspect``: label issues, the labels to look at again."""
 
 from __future__ import annotations
 
@@ -34,28 +34,36 @@ def suspect(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """List the attempts whose label cross-validated networks doubt most; nothing in the dataset changes.
+    """List the likeliest label issues, lowest label quality first; nothing in the dataset changes.
 
-    Every network is trained on all folds but one and judges that one, so no attempt is judged by a network that saw it.
-    How rare a label is counts half in choosing the list, or successes, which are hard to foresee, would fill it.
+    The quality of a label is its probability by a network that never saw the attempt: each is trained on all folds but
+    one and judges that one. How rare a label is counts half in choosing the list, or successes, which are hard to
+    foresee, would fill it.
     """
     # Imported here: PyTorch and Rerun take seconds, and the other commands for datasets need neither.
-    from handsight.cli.wiring.label_review import plan_review, review_labels, write_review
+    from handsight.cli.wiring.label_review import checked_plan, review_labels, write_review
 
     opened = GraspDataset.open(dataset)
-    plan = plan_review(opened, folds=folds, epochs=epochs, where=where, seed=seed, rrd=rrd)
+    plan = checked_plan(opened, folds=folds, epochs=epochs, where=where, seed=seed, rrd=rrd)
     data, review = review_labels(opened, plan, count)
     if rrd is not None:
-        write_review(rrd, opened, data, review.suspects)
+        write_review(rrd, opened, data, review.issues)
     if as_json:
         errors.print(review.trust, soft_wrap=True)
-        print_json(review.suspects)
+        print_json(review.issues)
         return
     rows = [
-        (one.attempt, f"{one.doubt:.3f}", one.label, f"{one.predicted_success:.3f}", one.simulator, one.target or "-")
-        for one in review.suspects
+        (
+            issue.attempt,
+            f"{issue.label_quality:.3f}",
+            issue.label,
+            f"{issue.predicted_success:.3f}",
+            issue.simulator,
+            issue.target or "-",
+        )
+        for issue in review.issues
     ]
-    print_table(("attempt", "doubt", "label", "predicted", "simulator", "target"), rows)
+    print_table(("attempt", "quality", "label", "predicted", "simulator", "target"), rows)
     console.print(review.trust)
     look = "write them to a recording with --rrd FILE" if rrd is None else f"look at them with 'rerun {rrd}'"
-    console.print(f"{look}, then correct labels with 'handsight dataset relabel' or set attempts aside with 'exclude'")
+    console.print(f"{look}, then correct labels with 'handsight dataset relabel' or leave attempts out with 'exclude'")

@@ -1,22 +1,21 @@
-"""Wires policy names to policies; the one place of collection that knows trained runs."""
+"""Wires policy names to policies; the one place of collection that knows trained runs.
+
+Whatever brings PyTorch along is imported where a network is wired: it takes seconds, and collecting by chance has to
+run where it is not installed.
+"""
 
 from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
-
-import torch
+from typing import TYPE_CHECKING, Any
 
 from handsight.cli.errors import CommandError
 from handsight.collection.policy import PregraspPolicy, UniformPolicy
-from handsight.collection.servo_policy import ServoPolicy
-from handsight.servoing.homography import InputGrid
-from handsight.servoing.loop import ServoSettings
-from handsight.servoing.methods.registry import METHODS, servo_method
-from handsight.servoing.objective import ScoreInputs
-from handsight.training.run import WEIGHTS, load_run, load_scorer
+
+if TYPE_CHECKING:
+    from handsight.servoing.objective import ScoreInputs
 
 DEFAULT_METHOD = "cem-1"
 DEFAULT_RANDOM_SHARE = 0.3
@@ -36,6 +35,10 @@ class RunNetwork:
         Raises:
             CheckpointError: The run is gone or damaged.
         """
+        import torch
+
+        from handsight.training.run import load_scorer
+
         torch.set_num_threads(1)
         return load_scorer(self.folder)
 
@@ -59,6 +62,11 @@ def policy_named(
         return UniformPolicy()
     if model is None:
         raise CommandError("--policy servo needs a trained network: name its folder with --model RUN")
+    from handsight.collection.servo_policy import ServoPolicy
+    from handsight.servoing.loop import ServoSettings
+    from handsight.servoing.methods.registry import servo_method
+    from handsight.training.run import load_run
+
     chosen = DEFAULT_METHOD if method is None else method
     servoing = servo_method(chosen)
     run = load_run(model)
@@ -80,7 +88,14 @@ def recorded_policy(settings: dict[str, Any], model: Path | None) -> PregraspPol
     rest = {name: value for name, value in settings.items() if name != "name"}
     if settings.get("name") == "uniform":
         return UniformPolicy(**rest)
-    if settings.get("name") != "servo" or model is None or rest["method"] not in METHODS:
+    if settings.get("name") != "servo" or model is None:
+        return None
+    from handsight.collection.servo_policy import ServoPolicy
+    from handsight.servoing.homography import InputGrid
+    from handsight.servoing.loop import ServoSettings
+    from handsight.servoing.methods.registry import METHODS
+
+    if rest["method"] not in METHODS:
         return None
     network = _network(model)
     if network.sha256 != rest["weights_sha256"]:
@@ -99,4 +114,6 @@ def recorded_policy(settings: dict[str, Any], model: Path | None) -> PregraspPol
 
 
 def _network(model: Path) -> RunNetwork:
+    from handsight.training.run import WEIGHTS
+
     return RunNetwork(model.resolve(), hashlib.sha256((model / WEIGHTS).read_bytes()).hexdigest())

@@ -9,10 +9,8 @@ from handsight.cli.wiring.policies import recorded_policy
 from handsight.collection.attempt import attempt_seed, run_attempt
 from handsight.collection.sim.config import SimConfig
 from handsight.collection.sim.station import SimStation
-from handsight.collection.station import Workspace
 from handsight.datasets.format.header import canonical_json
 from handsight.datasets.records import GraspAttempt, SessionHeader
-from handsight.servoing.camera import HandCamera, Intrinsics
 
 
 class Resimulator:
@@ -51,16 +49,5 @@ class Resimulator:
     def _station(self, settings: dict[str, Any]) -> SimStation:
         key = canonical_json(settings)
         if key not in self._stations:
-            self._stations[key] = SimStation(_config(settings))
+            self._stations[key] = SimStation(SimConfig.from_json(settings))
         return self._stations[key]
-
-
-def _config(settings: dict[str, Any]) -> SimConfig:
-    camera = dict(settings["camera"])
-    intrinsics = Intrinsics(**camera.pop("intrinsics"))
-    parts = {
-        "camera": HandCamera(intrinsics=intrinsics, **camera),
-        "workspace": Workspace(**settings["workspace"]),
-        "vary": tuple(settings.get("vary", ())),
-    }
-    return SimConfig(**{**settings, **parts})

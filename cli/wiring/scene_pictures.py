@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import cv2
 import numpy as np
@@ -18,8 +18,11 @@ from handsight.collection.sim.config import SimConfig
 from handsight.collection.sim.scene_camera import SceneCamera
 from handsight.collection.sim.station import TABLE_SEED, SimStation
 from handsight.collection.sim.table import wooden_table
-from handsight.evaluation.trial import TrialRecording
 from handsight.servoing.planar import PlanarPose
+
+if TYPE_CHECKING:
+    # Brings PyTorch along, which ``collect`` has to do without.
+    from handsight.evaluation.trial import TrialRecording
 
 SHOWN_ANGLE_RAD = 0.35
 """Turns the hand camera towards the scene camera."""

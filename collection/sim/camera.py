@@ -80,14 +80,6 @@ def projection_matrix(
     return matrix
 
 
-def camera_pose(camera: HandCamera, pose_base_tool: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Camera frame (x right, y down, z forward) in the base frame. Shape (4, 4)."""
-    pose_tool_camera = np.eye(4)
-    pose_tool_camera[:3, 3] = camera.x_tool_camera_m, camera.y_tool_camera_m, camera.z_tool_camera_m
-    pose: NDArray[np.float64] = pose_base_tool @ pose_tool_camera
-    return pose
-
-
 def view_matrix(pose_base_camera: NDArray[np.float64]) -> NDArray[np.float64]:
     """OpenGL view matrix (x right, y up, z backward) of a camera pose. Shape (4, 4)."""
     opengl_from_camera = np.diag([1.0, -1.0, -1.0, 1.0])
@@ -118,7 +110,7 @@ def render(
         renderer: Draws the objects.
         sense: What the depth sensor makes of exact depth [m], 0 where it has no answer; None for a perfect one.
     """
-    pose_base_camera = camera_pose(camera, pose_base_tool)
+    pose_base_camera = camera.pose_base_camera(pose_base_tool)
     rgb, depth_m = render_objects(bullet, camera.intrinsics, pose_base_camera, light=light, renderer=renderer)
     brightness = light.on_table / DAYLIGHT.on_table
     table_rgb, table_depth_m = table.draw(camera.intrinsics, pose_base_camera, brightness=brightness)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from typing import Any
 
 from handsight.collection.errors import StationSettingsError
 from handsight.collection.sim.renderer import RENDERERS, TINY
@@ -101,6 +103,25 @@ class SimConfig:
         faults += self._renderer_faults()
         if faults:
             raise StationSettingsError("; ".join(faults))
+
+    def to_json(self) -> dict[str, Any]:
+        """The settings as JSON values, as every session records them."""
+        return {**asdict(self), "camera": self.camera.to_json(), "vary": list(self.vary)}
+
+    @classmethod
+    def from_json(cls, values: Mapping[str, Any]) -> SimConfig:
+        """The settings that a session recorded; those that were not there yet have their defaults.
+
+        Raises:
+            KeyError, TypeError: What every session records is missing, or there is a value too many.
+            CameraModelError, StationSettingsError: The values make no camera or no station.
+        """
+        parts = {
+            "camera": HandCamera.from_json(values["camera"]),
+            "workspace": Workspace(**values["workspace"]),
+            "vary": tuple(values.get("vary", ())),
+        }
+        return cls(**{**values, **parts})
 
     def _renderer_faults(self) -> list[str]:
         if self.renderer not in RENDERERS:

@@ -7,7 +7,7 @@ turn against the URDF's ``base_link``.
 from __future__ import annotations
 
 import numpy as np
-import ur_analytic_ik_ext
+from eaik.IK_DH import DhRobot
 from numpy.typing import NDArray
 
 from handsight.collection.errors import UnreachableError
@@ -19,8 +19,16 @@ JOINT_LIMITS_RAD = np.array([2 * np.pi, 2 * np.pi, np.pi, 2 * np.pi, 2 * np.pi, 
 REFERENCE_RAD = np.array([np.pi, -1.2, 1.6, -2.0, -0.5 * np.pi, 0.0])
 """Elbow up, gripper down over the workspace: the branch on which the arm stays."""
 
-_POSE_FLANGE_TIP = np.eye(4)
-_POSE_FLANGE_TIP[2, 3] = FLANGE_TO_TIP_M
+TIE_SHARE = 1e-6
+"""Weight of all joints' turns beside that of the joint that turns farthest."""
+
+# Denavit-Hartenberg parameters as Universal Robots publishes them for the UR10 ("DH Parameters for calculations of
+# kinematics and dynamics"). The first frame is the controller's base frame, the last one the flange.
+_UR10 = DhRobot(
+    dh_alpha=np.array([0.5 * np.pi, 0.0, 0.0, 0.5 * np.pi, -0.5 * np.pi, 0.0]),  # rad
+    dh_a=np.array([0.0, -0.612, -0.5723, 0.0, 0.0, 0.0]),  # m
+    dh_d=np.array([0.1273, 0.0, 0.0, 0.163941, 0.1157, 0.0922]),  # m
+)
 
 
 def joints_for(
@@ -31,18 +39,29 @@ def joints_for(
     Raises:
         UnreachableError: no solution within the joint limits on the elbow-up branch.
     """
-    solutions = ur_analytic_ik_ext.ur10.inverse_kinematics_with_tcp(
-        np.ascontiguousarray(pose_base_tool), _POSE_FLANGE_TIP
-    )
-    if solutions:
-        candidates = _unwrap(np.asarray(solutions), near_rad)  # (S, 6)
-        reachable = candidates[(np.abs(candidates) <= JOINT_LIMITS_RAD).all(axis=1)]
-        if len(reachable):
-            nearest: NDArray[np.float64] = reachable[np.argmin(np.abs(reachable - near_rad).max(axis=1))]
-            if _on_branch(nearest):
-                return nearest
+    candidates = _unwrap(_solutions(pose_base_tool), near_rad)  # (S, 6)
+    reachable = candidates[(np.abs(candidates) <= JOINT_LIMITS_RAD).all(axis=1)]
+    if len(reachable):
+        travel_rad = np.abs(reachable - near_rad)
+        # The joint that turns farthest decides. By symmetry two solutions can tie in it, at y = 0 with the jaws along
+        # y for instance: all joints together then say which, instead of the last bit.
+        cost_rad = travel_rad.max(axis=1) + TIE_SHARE * travel_rad.sum(axis=1)
+        nearest: NDArray[np.float64] = reachable[np.argmin(cost_rad)]
+        if _on_branch(nearest):
+            return nearest
     x_m, y_m, z_m = pose_base_tool[:3, 3]
     raise UnreachableError(phase, f"the UR10 cannot put its fingertips at ({x_m:.3f}, {y_m:.3f}, {z_m:.3f}) m")
+
+
+def _solutions(pose_base_tool: NDArray[np.float64]) -> NDArray[np.float64]:
+    """All joint angles [rad] that put the fingertips at a pose, each up to whole turns. Shape (S, 6), S from 0 to 8."""
+    pose_base_flange = pose_base_tool.copy()
+    pose_base_flange[:3, 3] -= FLANGE_TO_TIP_M * pose_base_tool[:3, 2]
+    answer = _UR10.IK(pose_base_flange)
+    # Out of reach the solver still answers, with joints that come as close as the arm can, and marks them.
+    exact = ~np.asarray(answer.is_LS, dtype=bool)
+    solutions: NDArray[np.float64] = np.reshape(answer.Q, (-1, 6))[exact]
+    return solutions
 
 
 def _unwrap(solutions: NDArray[np.float64], near_rad: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from handsight.collection.errors import StationSettingsError
-from handsight.collection.sim.camera import camera_pose, render_objects
+from handsight.collection.sim.camera import render_objects
 from handsight.collection.sim.config import SimConfig
 from handsight.collection.sim.objects.catalogue import load_object_set
 from handsight.collection.sim.objects.model import ObjectModel
@@ -82,7 +82,7 @@ def _draw(clients: EmptyClients, renderer: Renderer, models: tuple[ObjectModel, 
     x_m = np.linspace(area.x_min_m, area.x_max_m, len(models)).tolist()
     y_m = 0.5 * (area.y_min_m + area.y_max_m)
     overhead = PlanarPose(x_m=0.5 * (area.x_min_m + area.x_max_m), y_m=y_m, angle_rad=0.0)
-    pose_base_camera = camera_pose(config.camera, overhead.pose_base_tool(config.overhead_height_m))
+    pose_base_camera = config.camera.pose_base_camera(overhead.pose_base_tool(config.overhead_height_m))
     started = time.process_time()
     bullet = clients.empty()
     for model, x in zip(models, x_m, strict=True):

@@ -13,7 +13,6 @@ from scipy.spatial.transform import Rotation
 from handsight.collection.sim.arm import BASE_ORIENTATION
 from handsight.collection.sim.arm_model import ARM_JOINTS, FINGER_JOINTS, temporary_arm_urdf
 from handsight.collection.sim.bullet import BulletClient, connect, pybullet
-from handsight.collection.sim.camera import camera_pose
 from handsight.collection.sim.config import SimConfig
 from handsight.collection.sim.kinematics import REFERENCE_RAD, joints_for
 from handsight.collection.sim.objects.catalogue import load_object_set
@@ -92,7 +91,7 @@ class StaticReplica:
             self.bullet.resetJointState(self._arm, joint, angle_rad)
         for joint in self._fingers:
             self.bullet.resetJointState(self._arm, joint, 0.5 * width_m)
-        pose_base_camera = camera_pose(self._config.camera, pose_base_tool)
+        pose_base_camera = self._config.camera.pose_base_camera(pose_base_tool)
         housing_m = pose_base_camera[:3, 3] - CAMERA_HALF_SIZE_M[2] * pose_base_camera[:3, 2]
         self.bullet.resetBasePositionAndOrientation(
             self._camera, housing_m.tolist(), _quaternion(pose_base_camera[:3, :3])

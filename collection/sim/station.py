@@ -7,7 +7,7 @@ worker did before: this is what makes attempts re-simulable bit for bit. Reloadi
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -66,7 +66,7 @@ class SimStationFactory:
 
     def settings(self) -> dict[str, object]:
         """The resolved configuration, as JSON values."""
-        return asdict(self.config)
+        return self.config.to_json()
 
     def __call__(self) -> SimStation:
         """Start an bullet."""

@@ -13,7 +13,7 @@ import pandas as pd
 import zarr
 
 from handsight.datasets.address import DEFAULT_REF
-from handsight.datasets.errors import CurationError, UnknownNameError
+from handsight.datasets.errors import CurationError, UnknownNameError, counted
 from handsight.datasets.format.decisions import AUTHOR_BYTES, REASON_BYTES, Action, Decision, append_decision
 from handsight.datasets.format.saved_filters import read_filters
 from handsight.datasets.reading.reader import GraspDataset
@@ -85,7 +85,7 @@ class Curator:
         return self._decide(Action.UNLABEL, None, which, reason, corrected, dry_run)
 
     def undo(self, number: int | None = None, reason: str = "undone") -> Decision:
-        """Let a decision count no longer, the latest that counts unless a number is given.
+        """Revert a curation decision, the latest that counts unless a number is given.
 
         What other decisions, before and after it, say of the same attempts then holds. Undoing an UNDO is redoing.
 
@@ -94,16 +94,14 @@ class Curator:
             CurationError: It was undone already, or the reason cannot be recorded.
         """
         _refuse(_text_faults("reason", reason, REASON_BYTES))
-        made: list[Decision] = []
 
-        def change(dataset: GraspDataset, root: zarr.Group) -> str:
+        def change(dataset: GraspDataset, root: zarr.Group) -> tuple[str, Decision]:
             undone = _decision_to_undo(dataset, number)
-            made[:] = [self._decision(dataset, Action.UNDO, undone.number, (), reason)]
-            append_decision(root, made[0])
-            return f"undo decision {undone.number} ({undone.action.name.lower()}): {reason}"
+            decision = self._decision(dataset, Action.UNDO, undone.number, (), reason)
+            append_decision(root, decision)
+            return f"undo decision {undone.number} ({undone.action.name.lower()}): {reason}", decision
 
-        change_branch(self.repository, self.branch, change)
-        return made[0]
+        return change_branch(self.repository, self.branch, change).value
 
     def _decide(
         self,
@@ -115,23 +113,19 @@ class Curator:
         dry_run: bool,
     ) -> Decision | None:
         _refuse(_text_faults("reason", reason, REASON_BYTES))
-        made: list[Decision] = []
 
-        def change(dataset: GraspDataset, root: zarr.Group) -> str | None:
-            made.clear()
+        def change(dataset: GraspDataset, root: zarr.Group) -> tuple[str | None, Decision | None]:
             rows = dataset.attempts.loc[select(dataset.attempts, which, read_filters(root))]
             attempts = rows.index[affects(rows)]
             if attempts.empty:
-                return None
-            made.append(self._decision(dataset, action, value, attempts.tolist(), reason))
+                return None, None
+            decision = self._decision(dataset, action, value, attempts.tolist(), reason)
             if dry_run:
-                return None
-            append_decision(root, made[0])
-            count = f"{len(attempts)} attempt{'' if len(attempts) == 1 else 's'}"
-            return f"{action.name.lower()} {count}: {reason}"
+                return None, decision
+            append_decision(root, decision)
+            return f"{action.name.lower()} {counted(len(attempts), 'attempt')}: {reason}", decision
 
-        change_branch(self.repository, self.branch, change)
-        return made[0] if made else None
+        return change_branch(self.repository, self.branch, change).value
 
     def _decision(
         self, dataset: GraspDataset, action: Action, value: int | None, attempts: Sequence[str], reason: str

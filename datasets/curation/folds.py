@@ -20,11 +20,11 @@ from typing import Any, Literal, get_args
 import numpy as np
 import pandas as pd
 import zarr
-from numpy.typing import NDArray
 
 from handsight.datasets.address import DEFAULT_REF
-from handsight.datasets.errors import FoldsError, RefNameError, UnknownNameError
-from handsight.datasets.format.arrays import append_rows, array_at, group_at, read_rows
+from handsight.datasets.errors import FoldsError, RefNameError, UnknownNameError, counted
+from handsight.datasets.format.arrays import append_rows, array_at, group_at, read_all
+from handsight.datasets.format.decisions import trainable
 from handsight.datasets.format.keys import KEY_BYTES, ids_from_keys, keys_from_ids
 from handsight.datasets.format.provenance import utc_now
 from handsight.datasets.format.schema import create_array
@@ -100,31 +100,26 @@ def make_folds(
         raise RefNameError(f"folds name is {name!r}, expected 1 to 64 letters, digits, '.', '_' or '-'")
     if not 2 <= count <= _MOST_FOLDS or seed < 0:
         raise FoldsError(f"count is {count} and seed {seed}, expected 2 to {_MOST_FOLDS} folds and a seed of 0 or more")
-    made: list[Folds] = []
 
-    def change(dataset: GraspDataset, root: zarr.Group) -> str:
+    def change(dataset: GraspDataset, root: zarr.Group) -> tuple[str, Folds]:
         if name in fold_names(root) and not replace:
             raise RefNameError(f"there are folds {name!r} already: replace them or choose another name")
         rows = _divided(dataset)
         fold = assign_folds(attempt_groups(rows, by), rows["success"].astype(bool), count, np.random.default_rng(seed))
-        digest = _digest(rows)
-        made[:] = [
-            Folds(
-                name=name,
-                by=by,
-                seed=seed,
-                count=count,
-                attempts_digest=digest,
-                made=utc_now(),
-                author=author,
-                fold=fold,
-            )
-        ]
-        _write(root, made[0])
-        return f"divide {len(fold)} attempts into {count} folds {name!r} by {by}"
+        folds = Folds(
+            name=name,
+            by=by,
+            seed=seed,
+            count=count,
+            attempts_digest=_digest(rows),
+            made=utc_now(),
+            author=author,
+            fold=fold,
+        )
+        _write(root, folds)
+        return f"divide {counted(len(fold), 'attempt')} into {count} folds {name!r} by {by}", folds
 
-    change_branch(repository, branch, change)
-    return made[0]
+    return change_branch(repository, branch, change).value
 
 
 def read_folds(dataset: GraspDataset, name: str) -> Folds:
@@ -154,9 +149,9 @@ def load_folds(root: zarr.Group, name: str) -> Folds:
     """
     group = group_at(root, f"{FOLDS}/{name}")
     attributes: dict[str, Any] = group.attrs.asdict()
-    ids = ids_from_keys(_all(array_at(group, "attempt")))
+    ids = ids_from_keys(read_all(array_at(group, "attempt")))
     index = pd.Index(ids, dtype="str", name="attempt")
-    fold: pd.Series[int] = pd.Series(_all(array_at(group, "fold")), index=index, dtype="int64", name="fold")
+    fold: pd.Series[int] = pd.Series(read_all(array_at(group, "fold")), index=index, dtype="int64", name="fold")
     return Folds(name=name, fold=fold, **attributes)
 
 
@@ -170,24 +165,25 @@ def fold_faults(dataset: GraspDataset, folds: Folds) -> list[str]:
     rows = _divided(dataset)
     faults = []
     if folds.fold.index.has_duplicates:
-        faults.append(f"{int(folds.fold.index.duplicated().sum())} attempts are in them twice")
+        twice = int(folds.fold.index.duplicated().sum())
+        faults.append(f"they hold {counted(twice, 'attempt')} twice")
     if not folds.fold.between(0, folds.count - 1).all():
         faults.append(
             f"fold numbers run from {folds.fold.min()} to {folds.fold.max()}, expected 0 to {folds.count - 1}"
         )
     uncovered = rows.index[~rows.index.isin(folds.fold.index)]
     if len(uncovered):
-        faults.append(f"{len(uncovered)} attempts have no fold, {uncovered[0]} the first")
+        faults.append(f"they lack {counted(len(uncovered), 'attempt')}, {uncovered[0]} the first")
     gone = folds.fold.index[~folds.fold.index.isin(rows.index)]
     if len(gone):
-        faults.append(f"{len(gone)} of their attempts are excluded, unlabelled or missing, {gone[0]} the first")
+        faults.append(f"they hold {counted(len(gone), 'attempt')} excluded, unlabelled or missing, {gone[0]} the first")
     known = folds.fold[folds.fold.index.isin(rows.index)]
     groups = attempt_groups(rows.loc[known.index], folds.by)
     leaking = known.groupby(groups).nunique()
     leaking = leaking[leaking > 1]
     if len(leaking):
         names = ", ".join(map(str, leaking.index[:5]))
-        faults.append(f"{len(leaking)} groups are in more than one fold ({folds.by} {names})")
+        faults.append(f"they split {counted(len(leaking), 'group')} over several folds ({folds.by} {names})")
     if not faults and _digest(rows) != folds.attempts_digest:
         faults.append("content or labels of the attempts have changed since they were divided")
     return faults
@@ -208,7 +204,8 @@ def assign_folds(
     sizes = table.groupby("group")["success"].agg(["size", "sum"]).sort_index()
     if len(sizes) < count:
         raise FoldsError(
-            f"there are {len(sizes)} groups, expected at least as many as folds ({count}): use fewer folds"
+            f"the attempts form {counted(len(sizes), 'group')}, expected at least as many as folds ({count}): "
+            "use fewer folds"
         )
     sizes = sizes.iloc[generator.permutation(len(sizes))].sort_values("size", ascending=False, kind="stable")
     figures = np.stack([sizes["sum"], sizes["size"] - sizes["sum"]], axis=1).astype(np.float64)  # (groups, 2)
@@ -230,8 +227,7 @@ def assign_folds(
 
 def _divided(dataset: GraspDataset) -> pd.DataFrame:
     """The attempts that training can see."""
-    rows = dataset.attempts
-    return rows[rows["success"].notna() & ~rows["excluded"]]
+    return dataset.attempts[trainable(dataset.attempts)]
 
 
 def attempt_groups(rows: pd.DataFrame, by: Grouping) -> pd.Series[Any]:
@@ -265,7 +261,3 @@ def _write(root: zarr.Group, folds: Folds) -> None:
     create_array(group, "fold", dtype="uint8", row=(), rows=_CHUNK_ROWS)
     append_rows(array_at(group, "attempt"), keys_from_ids(folds.fold.index.tolist()))
     append_rows(array_at(group, "fold"), folds.fold.to_numpy(np.uint8))
-
-
-def _all(array: zarr.Array[Any]) -> NDArray[Any]:
-    return read_rows(array, 0, array.shape[0])

@@ -31,23 +31,21 @@ def save_filter(
     """
     if not is_plain_name(name):
         raise RefNameError(f"filter name is {name!r}, expected 1 to 64 letters, digits, '.', '_' or '-'")
-    found: list[int] = []
 
-    def change(dataset: GraspDataset, root: zarr.Group) -> str | None:
-        found[:] = [int(matches(dataset.attempts, where).sum())]
+    def change(dataset: GraspDataset, root: zarr.Group) -> tuple[str | None, int]:
+        found = int(matches(dataset.attempts, where).sum())
         entries = filter_entries(root)
         if name in entries and entries[name]["where"] == where:
-            return None
+            return None, found
         if name in entries and not replace:
             raise RefNameError(
                 f"there is a filter {name!r} already, {entries[name]['where']!r}: replace it or choose another"
             )
         group = group_at(root, FILTERS_GROUP) if FILTERS_GROUP in root else root.create_group(FILTERS_GROUP)
         group.update_attributes({name: {"where": where, "author": author, "saved": utc_now()}})
-        return f"save filter {name}: {where}"
+        return f"save filter {name}: {where}", found
 
-    change_branch(repository, branch, change)
-    return found[0]
+    return change_branch(repository, branch, change).value
 
 
 def forget_filter(repository: GraspRepository, name: str, *, branch: str = DEFAULT_REF) -> None:
@@ -58,13 +56,13 @@ def forget_filter(repository: GraspRepository, name: str, *, branch: str = DEFAU
         RefNotFoundError: There is no such branch.
     """
 
-    def change(dataset: GraspDataset, root: zarr.Group) -> str:
+    def change(dataset: GraspDataset, root: zarr.Group) -> tuple[str, None]:
         entries = filter_entries(root)
         if name not in entries:
             raise UnknownNameError(
                 f"there is no saved filter {name!r} (filters: {', '.join(sorted(entries)) or 'none'})"
             )
         group_at(root, FILTERS_GROUP).attrs.put({key: value for key, value in entries.items() if key != name})
-        return f"forget filter {name}"
+        return f"forget filter {name}", None
 
     change_branch(repository, branch, change)

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from handsight.datasets.address import DEFAULT_REF, Location, S3Prefix, location_of
+from handsight.datasets.atomic import atomic_folder
 from handsight.datasets.errors import InterchangeError
 from handsight.datasets.exchange.formats import format_named, format_of
 from handsight.datasets.exchange.transfer import TransferReport, transfer
@@ -103,11 +104,9 @@ def whole_or_absent(target: Path) -> Iterator[Path]:
     if target.exists() or target.is_symlink():
         raise InterchangeError(f"there is something at {target} already: choose another path, or move it away")
     target.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix=f".{target.name}.new-", dir=target.parent) as folder:
-        unfinished = Path(folder) / target.name
+    with atomic_folder(target) as unfinished:
         yield unfinished
         sync_file_system(unfinished)
-        unfinished.rename(target)
 
 
 @contextmanager

@@ -125,15 +125,15 @@ def _write_demo(demo: h5py.Group, attempt: GraspAttempt, identity: str) -> None:
     demo.attrs["attempt"] = identity
     action = (attempt.pregrasp_x_m, attempt.pregrasp_y_m, attempt.pregrasp_angle_rad)
     demo["actions"] = np.array([action])
-    demo["rewards"] = np.array([float(attempt.outcome.name == "HELD")])
+    demo["rewards"] = np.array([float(attempt.success)])
     demo["dones"] = np.array([1])
     observations = demo.create_group("obs")
     for viewpoint in VIEWPOINTS:
         frame = frame_of(attempt, viewpoint)
         if frame is not None:
             for name in ("rgb", "depth"):
-                frame = getattr(frame, name)[None]
-                observations.create_dataset(f"{viewpoint}_{name}", data=frame, chunks=frame.shape, **_PACKING)
+                pixels = getattr(frame, name)[None]
+                observations.create_dataset(f"{viewpoint}_{name}", data=pixels, chunks=pixels.shape, **_PACKING)
             observations[f"{viewpoint}_pose_base_tool"] = frame.pose_base_tool[None]
 
 

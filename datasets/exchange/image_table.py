@@ -55,7 +55,7 @@ from handsight.datasets.records import (
     SessionHeader,
     StationSpec,
 )
-from handsight.datasets.writing.blocks import prepare
+from handsight.datasets.writing.batches import prepare
 from handsight.servoing.planar import PlanarPose
 
 _TABLE, _STATION = "attempts.csv", "station.json"

@@ -48,8 +48,8 @@ from handsight.datasets.format.rows import frame_of, from_row
 from handsight.datasets.format.schema import COLUMNS, SESSIONS, VIEWPOINTS, Viewpoint, attempt_id, column_widths
 from handsight.datasets.format.upgrades import columns_since, current_attributes, empty_columns
 from handsight.datasets.reading.reader import GraspDataset
-from handsight.datasets.records import GraspAttempt, Outcome, RgbdFrame
-from handsight.datasets.writing.blocks import column_paths
+from handsight.datasets.records import GraspAttempt, RgbdFrame
+from handsight.datasets.writing.batches import column_paths
 from handsight.servoing.planar import PlanarPose
 
 _VERSION = "v3.0"
@@ -145,7 +145,6 @@ def _write_frames(
 
 
 def _frame(attempt: GraspAttempt, episode: int) -> dict[str, Any]:
-    held = attempt.outcome is Outcome.HELD
     pictures: dict[str, Any] = {}
     for viewpoint in VIEWPOINTS:
         frame = frame_of(attempt, viewpoint)
@@ -160,8 +159,8 @@ def _frame(attempt: GraspAttempt, episode: int) -> dict[str, Any]:
         **pictures,
         "observation.state": state,
         "action": (attempt.pregrasp_x_m, attempt.pregrasp_y_m, attempt.pregrasp_angle_rad),
-        "next.reward": float(held),
-        "next.success": held,
+        "next.reward": float(attempt.success),
+        "next.success": attempt.success,
         "timestamp": 0.0,
         "frame_index": 0,
         "episode_index": episode,

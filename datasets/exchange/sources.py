@@ -12,6 +12,7 @@ from ulid import ULID
 
 from handsight.datasets.errors import InterchangeError
 from handsight.datasets.format.arrays import array_at, group_at, read_rows
+from handsight.datasets.format.frames import BATCH_FRAMES, frame_arrays, read_frames
 from handsight.datasets.format.header import canonical_json, config_digest
 from handsight.datasets.format.rows import from_row
 from handsight.datasets.format.schema import (
@@ -20,16 +21,12 @@ from handsight.datasets.format.schema import (
     SESSIONS,
     VIEWPOINTS,
     ColumnWidths,
-    Viewpoint,
     column_widths,
 )
 from handsight.datasets.format.sessions import session_from_attributes
 from handsight.datasets.format.upgrades import columns_of, current_attributes, empty_columns
 from handsight.datasets.format.validation import header_faults
-from handsight.datasets.records import GraspAttempt, RgbdFrame, SessionHeader
-
-BLOCK_FRAMES = 16
-"""Attempts whose pictures are in memory at a time, about 50 MB at 640x480."""
+from handsight.datasets.records import GraspAttempt, SessionHeader
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -117,13 +114,14 @@ def read_attempts(group: zarr.Group, size: int, widths: ColumnWidths, schema: in
         CorruptDataError: An array is damaged or missing.
     """
     columns = {column.name: array_at(group, f"attempts/{column.name}") for column in columns_of(schema)}
+    arrays = {viewpoint: frame_arrays(group, viewpoint) for viewpoint in VIEWPOINTS}
     for start in range(0, size, COLUMN_CHUNK_ROWS):
         stop = min(start + COLUMN_CHUNK_ROWS, size)
         rows = {name: read_rows(array, start, stop) for name, array in columns.items()}
         rows |= empty_columns(schema, stop - start, widths)
-        for first in range(start, stop, BLOCK_FRAMES):
-            last = min(first + BLOCK_FRAMES, stop)
-            frames = {viewpoint: _frames(group, viewpoint, first, last) for viewpoint in VIEWPOINTS}
+        for first in range(start, stop, BATCH_FRAMES):
+            last = min(first + BATCH_FRAMES, stop)
+            frames = {viewpoint: read_frames(arrays[viewpoint], viewpoint, first, last) for viewpoint in VIEWPOINTS}
             for number in range(first, last):
                 row = {name: values[number - start] for name, values in rows.items()}
                 taken = dict(zip(VIEWPOINTS, row["picture_taken"], strict=True))
@@ -134,10 +132,3 @@ def read_attempts(group: zarr.Group, size: int, widths: ColumnWidths, schema: in
                         for viewpoint in VIEWPOINTS
                     },
                 )
-
-
-def _frames(group: zarr.Group, viewpoint: Viewpoint, start: int, stop: int) -> list[RgbdFrame]:
-    rgb, depth, poses = (
-        read_rows(array_at(group, f"{viewpoint}/{name}"), start, stop) for name in ("rgb", "depth", "pose_base_tool")
-    )
-    return [RgbdFrame(rgb=rgb[at], depth=depth[at], pose_base_tool=poses[at]) for at in range(len(rgb))]

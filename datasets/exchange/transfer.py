@@ -17,17 +17,17 @@ import zarr
 
 from handsight.datasets.address import DEFAULT_REF
 from handsight.datasets.errors import CorruptDataError, MergeError, SessionConflictError
-from handsight.datasets.exchange.sources import BLOCK_FRAMES, SessionSource
-from handsight.datasets.format.arrays import array_at, group_at, layouts_of, read_rows, run_concurrently
+from handsight.datasets.exchange.sources import SessionSource
+from handsight.datasets.format.arrays import array_at, group_at, layouts_of, read_all, run_concurrently
 from handsight.datasets.format.decisions import Action, Decision, append_decision, read_overlay
-from handsight.datasets.format.frames import FrameEncoder
+from handsight.datasets.format.frames import BATCH_FRAMES, FrameEncoder
 from handsight.datasets.format.schema import SESSIONS, attempt_id, create_arrays, packed_rows
 from handsight.datasets.format.sessions import read_sessions
 from handsight.datasets.records import StationSpec
 from handsight.datasets.store.icechunk_engine import icechunk_errors
 from handsight.datasets.store.layout import check_current
 from handsight.datasets.store.repository import GraspRepository
-from handsight.datasets.writing.blocks import (
+from handsight.datasets.writing.batches import (
     Columns,
     LastChunks,
     PreparedAttempt,
@@ -105,11 +105,10 @@ def transfer(
 
 def _digests_by_session(root: zarr.Group) -> dict[str, list[bytes]]:
     sessions = group_at(root, SESSIONS)
-    digests = {}
-    for ulid in sorted(sessions.group_keys()):
-        array = array_at(sessions, f"{ulid}/attempts/digest")
-        digests[ulid] = [row.tobytes() for row in read_rows(array, 0, array.shape[0])]
-    return digests
+    return {
+        ulid: [row.tobytes() for row in read_all(array_at(sessions, f"{ulid}/attempts/digest"))]
+        for ulid in sorted(sessions.group_keys())
+    }
 
 
 def _is_duplicate(source: SessionSource, present: dict[str, list[bytes]]) -> bool:
@@ -176,9 +175,9 @@ def _write(
     message: str,
     on_attempt: Callable[[], None] | None,
 ) -> str:
-    change = repository.writable(branch)
+    transaction = repository.writable(branch)
     with icechunk_errors(f"cannot write to {repository.path}"):
-        root = zarr.open_group(change.store, mode="r+")
+        root = zarr.open_group(transaction.store, mode="r+")
         sessions = group_at(root, SESSIONS)
         for source in sources:
             group = sessions.create_group(source.ulid, attributes=source.attributes)
@@ -187,7 +186,7 @@ def _write(
         for decision in transplanted(decisions, names, first=len(read_overlay(root).decisions)):
             append_decision(root, decision)
     return repository.commit(
-        change,
+        transaction,
         branch=branch,
         message=message,
         metadata={"attempts_added": sum(source.size for source in sources), "sessions": sorted(names)},
@@ -204,18 +203,18 @@ def _write_session(group: zarr.Group, source: SessionSource, on_attempt: Callabl
     rows: list[Columns] = []
     stored = 0
     last_chunks: LastChunks = {}
-    while block := list(islice(attempts, BLOCK_FRAMES)):
-        frames = [encoder.encode(one.frames) for one in block]
+    while batch := list(islice(attempts, BATCH_FRAMES)):
+        frames = [encoder.encode(one.frames) for one in batch]
         run_concurrently(frame_writes(arrays, frames, stored=stored + len(rows)))
-        rows += [one.columns for one in block]
+        rows += [one.columns for one in batch]
         # Columns in whole chunks: a chunk that is written twice leaves its first version behind as garbage.
-        if len(rows) == column_rows or len(block) < BLOCK_FRAMES:
+        if len(rows) == column_rows or len(batch) < BATCH_FRAMES:
             writes, last_chunks = column_writes(arrays, rows, stored=stored, last_chunks=last_chunks)
             run_concurrently(writes)
             stored += len(rows)
             rows = []
         if on_attempt is not None:
-            for _ in block:
+            for _ in batch:
                 on_attempt()
     if rows:
         writes, _ = column_writes(arrays, rows, stored=stored, last_chunks=last_chunks)

@@ -114,6 +114,27 @@ def read_rows(array: zarr.Array[Any], start: int, stop: int) -> NDArray[Any]:
         ) from error
 
 
+def read_all(array: zarr.Array[Any]) -> NDArray[Any]:
+    """Every row of an array.
+
+    Raises:
+        CorruptDataError: As for :func:`read_rows`.
+    """
+    return read_rows(array, 0, array.shape[0])
+
+
+def read_range(array: zarr.Array[Any], start: int, stop: int) -> NDArray[Any]:
+    """As :func:`read_rows`, for rows that must be there.
+
+    Raises:
+        CorruptDataError: They are damaged, or the array ends before.
+    """
+    rows = read_rows(array, start, stop)
+    if len(rows) != stop - start:
+        raise CorruptDataError(f"{array.path} ends at row {array.shape[0]}, expected at least {stop}")
+    return rows
+
+
 def append_rows(array: zarr.Array[Any], rows: NDArray[Any]) -> None:
     """Add rows to the end of an array."""
     run_concurrently([truncate_and_append(array, array.shape[0], rows)])

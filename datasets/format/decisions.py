@@ -20,14 +20,12 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from enum import IntEnum
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import pandas as pd
 import zarr
-from numpy.typing import NDArray
 
-from handsight.datasets.format.arrays import append_rows, array_at, group_at, read_rows
+from handsight.datasets.format.arrays import append_rows, array_at, group_at, read_all
 from handsight.datasets.format.keys import KEY_BYTES, ids_from_keys, keys_from_ids
 from handsight.datasets.format.rows import text_from_bytes, text_to_bytes
 from handsight.datasets.format.schema import create_array
@@ -154,6 +152,11 @@ class Overlay:
         return last[~last.index.duplicated(keep="last")]
 
 
+def trainable(table: pd.DataFrame) -> pd.Series[bool]:
+    """For each row of a curated table whether it takes part in training and balance: labelled and not excluded."""
+    return table["success"].notna() & ~table["excluded"]
+
+
 def read_overlay(root: zarr.Group) -> Overlay:
     """The decisions stored in a version.
 
@@ -163,7 +166,7 @@ def read_overlay(root: zarr.Group) -> Overlay:
     if CURATION not in root:
         return Overlay()
     group = group_at(root, CURATION)
-    facts, reasons, authors, keys = (_read(group, path) for path in (_FACTS, _REASON, _AUTHOR, _TARGETS))
+    facts, reasons, authors, keys = (read_all(array_at(group, path)) for path in (_FACTS, _REASON, _AUTHOR, _TARGETS))
     ids = ids_from_keys(keys)
     decisions = []
     start = 0
@@ -204,8 +207,3 @@ def _create(root: zarr.Group) -> None:
     create_array(decisions, "reason", dtype="uint8", row=(REASON_BYTES,))
     create_array(decisions, "author", dtype="uint8", row=(AUTHOR_BYTES,))
     create_array(targets, "attempt", dtype="uint8", row=(KEY_BYTES,), rows=_TARGET_CHUNK_ROWS)
-
-
-def _read(group: zarr.Group, path: str) -> NDArray[Any]:
-    array = array_at(group, path)
-    return read_rows(array, 0, array.shape[0])

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handsight.datasets.format.header import canonical_json, station_to_json
-from handsight.datasets.format.rows import frame_of, to_row
+from handsight.datasets.format.rows import Row, frame_of, to_row
 from handsight.datasets.format.schema import COLUMNS, VIEWPOINTS, ColumnWidths
 from handsight.datasets.records import GraspAttempt, SceneObjects, StationSpec
 
@@ -27,8 +27,14 @@ _ATTEMPT_PREFIX = b"handsight attempt 1\n"
 _DATASET_PREFIX = b"handsight dataset 1\n"
 
 
-def attempt_digest(attempt: GraspAttempt, station: StationSpec) -> bytes:
-    """The content of one attempt, as 32 bytes. The attempt must be valid for the station."""
+def attempt_digest(attempt: GraspAttempt, station: StationSpec, *, row: Row | None = None) -> bytes:
+    """The content of one attempt, as 32 bytes. The attempt must be valid for the station.
+
+    Args:
+        attempt: What is digested.
+        station: The station spec of its session.
+        row: Its columns, if they have been made already; the width of the session's does not matter.
+    """
     digest = hashlib.sha256(_ATTEMPT_PREFIX)
     instruments = station_to_json(station)
     del instruments["objects"]
@@ -36,10 +42,14 @@ def attempt_digest(attempt: GraspAttempt, station: StationSpec) -> bytes:
         del instruments["conditions"]  # Schema 1 knew of none, and its digests stay what they are.
     _feed_text(digest, "station", canonical_json(instruments))
     _feed_text(digest, "objects", canonical_json(object_names(attempt.scene, station)))
-    row = to_row(attempt, widths=_exact_widths(attempt.scene))
+    widths = _exact_widths(attempt.scene)
+    row = to_row(attempt, widths=widths) if row is None else row
     for column in COLUMNS:
-        if column.digested and (column.since == 1 or not np.isnan(row[column.name]).all()):
-            _feed_array(digest, column.name, row[column.name])
+        if column.digested:
+            used: tuple[Any, ...] = (*map(slice, column.shape(widths)), ...)
+            value = row[column.name][used]
+            if column.since == 1 or not np.isnan(value).all():
+                _feed_array(digest, column.name, value)
     for viewpoint in VIEWPOINTS:
         frame = frame_of(attempt, viewpoint)
         if frame is not None:

@@ -8,7 +8,7 @@ from dataclasses import asdict
 from typing import Any
 
 from handsight.datasets.records import SessionHeader, StationSpec
-from handsight.servoing.camera import HandCamera, Intrinsics
+from handsight.servoing.camera import HandCamera
 
 
 def canonical_json(value: Any) -> str:
@@ -23,15 +23,14 @@ def canonical_json(value: Any) -> str:
 
 def station_to_json(station: StationSpec) -> dict[str, Any]:
     """A station spec as JSON values."""
-    return {**asdict(station), "objects": list(station.objects), "conditions": list(station.conditions)}
+    names = {"objects": list(station.objects), "conditions": list(station.conditions)}
+    return {**asdict(station), **names, "camera": station.camera.to_json()}
 
 
 def station_from_json(values: dict[str, Any]) -> StationSpec:
     """The station spec that ``station_to_json`` was given."""
-    camera = dict(values["camera"])
-    intrinsics = Intrinsics(**camera.pop("intrinsics"))
     names = {key: tuple(values[key]) for key in ("objects", "conditions")}
-    return StationSpec(**{**values, **names, "camera": HandCamera(intrinsics=intrinsics, **camera)})
+    return StationSpec(**{**values, **names, "camera": HandCamera.from_json(values["camera"])})
 
 
 def header_to_json(header: SessionHeader) -> dict[str, Any]:

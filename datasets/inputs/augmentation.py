@@ -1,6 +1,6 @@
-"""Augmentation of network inputs (section V-A): mirrored both ways, brightness varied, pixels noisy.
+"""Augmentation of network inputs (section V-A): flipped both ways, brightness varied, pixels noisy.
 
-Mirroring keeps the label because the gripper is symmetric and the input is centred on the grasp. Beyond the paper,
+A flip keeps the label because the gripper is symmetric and the input is centred on the grasp. Beyond the paper,
 inputs are turned and shifted by a little: a grasp a few millimetres beside a good one is still likely to be good, and a
 network that has to say so is far less sure of itself where it should not be
 (docs/decisions/007-inputs-are-moved-a-little.md).
@@ -14,7 +14,8 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-FLIPS = 4
+_FLIPPED_AXES = ((), (3,), (2,), (2, 3))
+FLIPS = len(_FLIPPED_AXES)
 """As recorded, left-right, top-bottom, both."""
 
 _COLOURS = slice(0, 3)
@@ -22,10 +23,13 @@ _HEIGHT = slice(3, 4)
 
 
 def flipped(inputs: Tensor, which: Tensor) -> Tensor:
-    """Each input in the mirroring 0 to 3 that ``which`` (B,) names. (B, C, size, size) -> the same shape."""
-    which = which[:, None, None, None]
-    once = torch.where(which % 2 == 1, inputs.flip(3), inputs)
-    return torch.where(which >= 2, once.flip(2), once)
+    """Each input in the flip 0 to 3 that ``which`` (B,) names. (B, C, size, size) -> the same shape and type."""
+    result = inputs.clone()
+    for flip, axes in enumerate(_FLIPPED_AXES):
+        own = which == flip
+        if axes and own.any():
+            result[own] = inputs[own].flip(axes)
+    return result
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

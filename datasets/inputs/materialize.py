@@ -10,7 +10,6 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-import tempfile
 from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -22,7 +21,9 @@ import pandas as pd
 import torch
 from numpy.typing import NDArray
 
+from handsight.datasets.atomic import atomic_file
 from handsight.datasets.errors import NoTrainingDataError
+from handsight.datasets.format.decisions import trainable
 from handsight.datasets.format.schema import Viewpoint
 from handsight.datasets.reading.reader import GraspDataset
 from handsight.datasets.records import RgbdFrame, StationSpec
@@ -93,7 +94,7 @@ def usable_attempts(dataset: GraspDataset, viewpoint: Viewpoint) -> pd.DataFrame
         NoTrainingDataError: No attempt of this version has a label and the picture asked for.
     """
     rows = dataset.attempts
-    rows = rows[rows["success"].notna() & ~rows["excluded"] & rows[f"{viewpoint}_taken"]]
+    rows = rows[trainable(rows) & rows[f"{viewpoint}_taken"]]
     if rows.empty:
         raise NoTrainingDataError(
             f"{dataset.repository.path}@{dataset.ref} has no labelled attempt with a {viewpoint} picture that is not "
@@ -116,20 +117,15 @@ def _write(
     grid: InputGrid,
     on_attempt: Callable[[], None] | None,
 ) -> None:
-    """Fill a temporary file and rename it: a cache file is whole or absent, whoever else writes the same."""
-    handle, name = tempfile.mkstemp(suffix=".npy", prefix=".unfinished-", dir=path.parent)
-    os.close(handle)
-    try:
-        shape = (len(rows), 4, grid.size_px, grid.size_px)
-        inputs = np.lib.format.open_memmap(name, mode="w+", dtype=np.float16, shape=shape)
+    """A cache file is whole or absent, whoever else writes the same."""
+    shape = (len(rows), 4, grid.size_px, grid.size_px)
+    with atomic_file(path) as unfinished:
+        inputs = np.lib.format.open_memmap(unfinished, mode="w+", dtype=np.float16, shape=shape)
         for row, made in enumerate(_warped(dataset, rows, viewpoint, grid)):
             inputs[row] = made
             if on_attempt is not None:
                 on_attempt()
         inputs.flush()
-        Path(name).rename(path)
-    finally:
-        Path(name).unlink(missing_ok=True)
 
 
 def _warped(

@@ -16,6 +16,7 @@ from torch import Tensor
 from torch.utils.data import Dataset
 
 from handsight.datasets.errors import CorruptDataError
+from handsight.datasets.inputs.augmentation import FLIPS, flipped
 from handsight.datasets.inputs.materialize import GraspInputs
 
 Batch = tuple[Tensor, Tensor]
@@ -62,3 +63,24 @@ class TorchGrasps(Dataset[Batch]):
                 f"{state['file']} holds {len(self._inputs)} inputs, expected {len(self._labels)}: pickle a dataset "
                 "that was made from all inputs of a version, and choose rows with a sampler"
             )
+
+
+class FlippedGrasps(TorchGrasps):
+    """Every attempt in all four flips (section V-A): position i is attempt i // ``FLIPS`` in flip i % ``FLIPS``.
+
+    An epoch of a :class:`~handsight.datasets.inputs.loader.GraspLoader` over it sees every attempt in each flip once.
+    """
+
+    @staticmethod
+    def positions(attempts: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Positions of all flips of some attempts, such as those of a training fold. (M,) -> (4 M,)."""
+        return (FLIPS * attempts[:, None] + np.arange(FLIPS)).ravel()
+
+    def __len__(self) -> int:
+        return FLIPS * super().__len__()
+
+    def __getitem__(self, index: int | Sequence[int] | NDArray[np.int64]) -> Batch:
+        positions = np.atleast_1d(np.asarray(index, dtype=np.int64))
+        inputs, labels = super().__getitem__(positions // FLIPS)
+        inputs = flipped(inputs, torch.from_numpy(positions % FLIPS))
+        return (inputs[0], labels[0]) if np.ndim(index) == 0 else (inputs, labels)

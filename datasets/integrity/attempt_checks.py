@@ -6,21 +6,18 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-import zarr
 from numpy.typing import NDArray
 
 from handsight.datasets.errors import CorruptDataError
-from handsight.datasets.format.arrays import Arrays, group_at, read_rows
+from handsight.datasets.format.arrays import Arrays, group_at, read_range
 from handsight.datasets.format.digest import attempt_digest
+from handsight.datasets.format.frames import BATCH_FRAMES, read_frames
 from handsight.datasets.format.rows import Row, from_row
 from handsight.datasets.format.schema import COLUMNS, SESSIONS, VIEWPOINTS, Viewpoint, attempt_id
 from handsight.datasets.format.sessions import SessionInfo
 from handsight.datasets.reading.reader import GraspDataset
 from handsight.datasets.records import RgbdFrame
-from handsight.datasets.writing.blocks import chunk_start, column_paths, session_arrays
-
-_BLOCK_FRAMES = 8
-"""Frames decoded together; about 25 MB for two views at 640x480."""
+from handsight.datasets.writing.batches import chunk_start, column_paths, session_arrays
 
 
 class AttemptRange(NamedTuple):
@@ -63,7 +60,7 @@ class Checked:
 
 
 class AttemptChecker:
-    """Checks attempts of one version. Stretches are best given in order: columns are kept until others are needed."""
+    """Checks attempts of one version. Ranges are best given in order: columns are kept until others are needed."""
 
     def __init__(self, dataset: GraspDataset) -> None:
         self._root = dataset.repository.root(dataset.snapshot_id)
@@ -77,7 +74,7 @@ class AttemptChecker:
             self._read_columns(attempts)
         except CorruptDataError as error:
             return _corrupt(attempts, error)
-        return Checked.merged(map(self._check_block, attempts.cut(_BLOCK_FRAMES)))
+        return Checked.merged(map(self._check_batch, attempts.cut(BATCH_FRAMES)))
 
     def _read_columns(self, attempts: AttemptRange) -> None:
         if attempts.session not in self._arrays:
@@ -87,32 +84,27 @@ class AttemptChecker:
         first = chunk_start(attempts.start, size)
         if (self._columns.session, self._columns.first) != (attempts.session, first) or not self._columns.values:
             last = min(first + size, self._sessions[attempts.session].attempts)
-            values = {path: _read_whole(arrays[path], first, last) for path in column_paths()}
+            values = {path: read_range(arrays[path], first, last) for path in column_paths()}
             self._columns = _ColumnChunk(session=attempts.session, first=first, values=values)
 
-    def _check_block(self, block: AttemptRange) -> Checked:
+    def _check_batch(self, batch: AttemptRange) -> Checked:
         """Attempts whose pictures are decoded together; one by one where that fails."""
         try:
-            pictures = {viewpoint: self._pictures(block, viewpoint) for viewpoint in VIEWPOINTS}
+            frames = {viewpoint: self._frames(batch, viewpoint) for viewpoint in VIEWPOINTS}
         except CorruptDataError as error:
-            pieces = block.cut(1)
-            return Checked.merged(map(self._check_block, pieces)) if len(pieces) > 1 else _corrupt(block, error)
-        numbers = range(block.start, block.stop)
+            pieces = batch.cut(1)
+            return Checked.merged(map(self._check_batch, pieces)) if len(pieces) > 1 else _corrupt(batch, error)
         return Checked.merged(
             self._check_attempt(
-                block.session,
-                number,
-                {viewpoint: pictures[viewpoint][number - block.start] for viewpoint in VIEWPOINTS},
+                batch.session, number, {viewpoint: frames[viewpoint][number - batch.start] for viewpoint in VIEWPOINTS}
             )
-            for number in numbers
+            for number in range(batch.start, batch.stop)
         )
 
-    def _pictures(self, block: AttemptRange, viewpoint: Viewpoint) -> list[RgbdFrame]:
-        arrays = self._arrays[block.session]
-        rgb, depth = (_read_whole(arrays[f"{viewpoint}/{name}"], block.start, block.stop) for name in ("rgb", "depth"))
-        poses = self._columns.rows(f"{viewpoint}/pose_base_tool", block.start, block.stop)
-        frames = zip(rgb, depth, poses, strict=True)
-        return [RgbdFrame(rgb=colours, depth=raw, pose_base_tool=pose) for colours, raw, pose in frames]
+    def _frames(self, batch: AttemptRange, viewpoint: Viewpoint) -> list[RgbdFrame]:
+        arrays, start, stop = self._arrays[batch.session], batch.start, batch.stop
+        poses = self._columns.rows(f"{viewpoint}/pose_base_tool", start, stop)
+        return read_frames(arrays, viewpoint, start, stop, poses=poses)
 
     def _check_attempt(self, ulid: str, number: int, pictures: Mapping[Viewpoint, RgbdFrame]) -> Checked:
         row = {column.name: self._columns.rows(f"attempts/{column.name}", number, number + 1)[0] for column in COLUMNS}
@@ -141,18 +133,6 @@ class _ColumnChunk:
 def _corrupt(attempts: AttemptRange, error: CorruptDataError) -> Checked:
     faults = dict.fromkeys(attempts.ids(), str(error))
     return Checked(attempts=len(faults), bytes=0, faults=faults)
-
-
-def _read_whole(array: zarr.Array[Any], start: int, stop: int) -> NDArray[Any]:
-    """Rows of an array, all of those asked for.
-
-    Raises:
-        CorruptDataError: They are damaged, or the array ends before.
-    """
-    rows = read_rows(array, start, stop)
-    if len(rows) != stop - start:
-        raise CorruptDataError(f"{array.path} ends at row {array.shape[0]}, expected at least {stop}")
-    return rows
 
 
 def _fault(session: SessionInfo, number: int, row: Row, frames: Mapping[Viewpoint, RgbdFrame | None]) -> str | None:

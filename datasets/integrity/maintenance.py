@@ -91,8 +91,8 @@ def expire(repository: GraspRepository, older_than: datetime, *, dry_run: bool) 
     with repository.locked():
         named = {*repository.branches().values(), *(one.snapshot_id for one in repository.releases().values())}
         old: dict[str, None] = {}
-        for tip in sorted(named):
-            for entry in repository.log(tip):
+        for entries in repository.logs(sorted(named)):
+            for entry in entries:
                 if entry.snapshot_id not in named and entry.written_at < older_than:
                     old.setdefault(entry.snapshot_id)
         if not dry_run:
@@ -106,9 +106,10 @@ def _active_sessions(repository: GraspRepository) -> dict[str, datetime]:
     """Time of the last commit of every open session that may have a writer, on any branch."""
     recent = datetime.now(UTC) - ACTIVE_WINDOW
     active: dict[str, datetime] = {}
-    for tip in repository.branches().values():
+    tips = list(repository.branches().values())
+    for tip, entries in zip(tips, repository.logs(tips), strict=True):
         open_sessions = {one.ulid for one in GraspDataset(repository, ref=tip).sessions if one.status == "open"}
-        for entry in repository.log(tip):
+        for entry in entries:
             if entry.session in open_sessions and entry.written_at > recent:
                 active[entry.session] = max(entry.written_at, active.get(entry.session, entry.written_at))
     return dict(sorted(active.items()))

@@ -1,6 +1,6 @@
-"""Bringing a dataset of an older schema forward, on a branch of its own.
+"""Upgrading a dataset of an older schema, on a branch of its own.
 
-The version that was migrated stays as it is, and every attempt keeps its id and its digest; see older.py.
+The version that was migrated stays as it is, and every attempt keeps its id and its digest; see format/upgrades.py.
 """
 
 from __future__ import annotations
@@ -45,15 +45,15 @@ def migrate(repository: GraspRepository, branch: str, *, ref: str = DEFAULT_REF)
         return None
     create_branch(repository, branch, ref)
     try:
-        change = repository.writable(branch)
+        transaction = repository.writable(branch)
         with icechunk_errors(f"cannot migrate {repository.path}"):
-            root = zarr.open_group(change.store, mode="r+")
+            root = zarr.open_group(transaction.store, mode="r+")
             sessions = [session for _, session in group_at(root, SESSIONS).groups()]
             for session in sessions:
-                _bring_forward(session, before)
+                _upgrade(session, before)
             root.update_attributes({"schema_version": SCHEMA_VERSION})
         message = f"migrate {ref} from schema {before} to {SCHEMA_VERSION}"
-        snapshot = repository.commit(change, branch=branch, message=message)
+        snapshot = repository.commit(transaction, branch=branch, message=message)
     except BaseException:
         delete_branch(repository, branch, force=True)
         raise
@@ -67,7 +67,7 @@ def schema_of(root: zarr.Group) -> int:
     return int(str(root.attrs["schema_version"]))
 
 
-def _bring_forward(session: zarr.Group, schema: int) -> None:
+def _upgrade(session: zarr.Group, schema: int) -> None:
     """Give a session today's attributes, and the columns it lacks: fill values, of which nothing is stored."""
     session.attrs.put(current_attributes(session.attrs.asdict(), schema))
     numbers = array_at(session, "attempts/number")

@@ -16,7 +16,7 @@ import numpy as np
 import zarr
 
 from handsight.datasets.curation.curator import Curator
-from handsight.datasets.errors import CorruptDataError
+from handsight.datasets.errors import CorruptDataError, counted
 from handsight.datasets.format.arrays import array_at, group_at, read_rows
 from handsight.datasets.format.decisions import REASON_BYTES
 from handsight.datasets.format.schema import FAILURE_BYTES, SESSIONS, VIEWPOINTS, parse_attempt_id
@@ -26,7 +26,7 @@ from handsight.datasets.reading.selection import Selection
 from handsight.datasets.records import PHASES, GraspAttempt, GripperReadings, Outcome, SessionHeader
 from handsight.datasets.store.branches import create_branch, delete_branch
 from handsight.datasets.store.repository import GraspRepository
-from handsight.datasets.writing.blocks import PreparedAttempt, chunk_start, column_paths, prepare
+from handsight.datasets.writing.batches import PreparedAttempt, chunk_start, column_paths, prepare
 from handsight.datasets.writing.change import change_branch
 
 
@@ -87,12 +87,13 @@ def repair(
         }
         replacements = _by_session({**simulated, **lost})
 
-        def change(_: GraspDataset, root: zarr.Group) -> str | None:
+        def change(_: GraspDataset, root: zarr.Group) -> tuple[str | None, None]:
             for ulid, prepared in replacements.items():
                 group = group_at(root, f"{SESSIONS}/{ulid}")
                 _replace_columns(group, prepared)
                 _replace_pictures(group, prepared)
-            return f"replace {len(report.corrupt)} damaged attempts" if report.corrupt else None
+            count = counted(len(report.corrupt), "damaged attempt")
+            return (f"replace {count}" if report.corrupt else None), None
 
         change_branch(repository, branch, change)
         _exclude(repository, branch, author, {attempt: report.faults[attempt] for attempt in lost})

@@ -18,7 +18,7 @@ import zarr
 from handsight.datasets.address import Location
 from handsight.datasets.curation.folds import FOLDS
 from handsight.datasets.errors import StorageError
-from handsight.datasets.format.arrays import READ_FAILURES, array_at, group_at, read_rows
+from handsight.datasets.format.arrays import READ_FAILURES, array_at, group_at, read_all
 from handsight.datasets.format.decisions import CURATION
 from handsight.datasets.format.saved_filters import FILTERS_GROUP
 from handsight.datasets.format.schema import COLUMNS, SESSIONS, ColumnWidths
@@ -128,7 +128,7 @@ def _damage_beside(root: zarr.Group) -> Iterator[str]:
                 yield f"there is a group {name!r}, which handsight does not make"
             for _, node in sorted(group_at(root, name).members(max_depth=None)):
                 if isinstance(node, zarr.Array):
-                    read_rows(node, 0, node.shape[0])
+                    read_all(node)
     except READ_FAILURES as error:
         yield str(error)
 

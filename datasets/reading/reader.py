@@ -23,6 +23,7 @@ from handsight.datasets.format.arrays import array_at, group_at, read_rows
 from handsight.datasets.format.attempts_table import LazyColumns, attempts_table
 from handsight.datasets.format.decisions import CURATED_COLUMNS, Overlay, read_overlay
 from handsight.datasets.format.digest import dataset_digest
+from handsight.datasets.format.frames import BATCH_FRAMES, frame_arrays, read_frames
 from handsight.datasets.format.rows import from_row
 from handsight.datasets.format.schema import (
     COLUMNS,
@@ -38,9 +39,6 @@ from handsight.datasets.reading.info import DatasetInfo, bytes_stored
 from handsight.datasets.records import GraspAttempt, Outcome, RgbdFrame, StationSpec
 from handsight.datasets.store.layout import check_current
 from handsight.datasets.store.repository import GraspRepository
-
-_BLOCK_FRAMES = 16
-"""Frames decoded at a time by :meth:`GraspDataset.frames`, about 25 MB at 640x480."""
 
 
 class GraspDataset:
@@ -252,32 +250,22 @@ class GraspDataset:
     def _read_ranges(self, viewpoint: Viewpoint, located: list[tuple[str, int]]) -> Iterator[tuple[str, RgbdFrame]]:
         first = 0
         for last, (ulid, number) in enumerate(located):
-            full = last + 1 - first == _BLOCK_FRAMES
+            full = last + 1 - first == BATCH_FRAMES
             if full or last + 1 == len(located) or located[last + 1] != (ulid, number + 1):
                 yield from self._read_range(viewpoint, ulid, located[first][1], number + 1)
                 first = last + 1
 
     def _read_range(self, viewpoint: Viewpoint, ulid: str, start: int, stop: int) -> list[tuple[str, RgbdFrame]]:
         """The pictures of neighbouring attempts; when one is damaged, the error names its attempt."""
-        group = self._group(ulid)
         try:
-            rgb, depth, poses = (
-                read_rows(array_at(group, f"{viewpoint}/{name}"), start, stop)
-                for name in ("rgb", "depth", "pose_base_tool")
-            )
+            frames = read_frames(frame_arrays(self._group(ulid), viewpoint), viewpoint, start, stop)
         except CorruptDataError as error:
             if stop - start > 1:
                 for number in range(start, stop):
                     self._read_range(viewpoint, ulid, number, number + 1)
                 raise
             raise CorruptDataError(f"attempt {attempt_id(ulid, start)}: {error}") from error
-        return [
-            (
-                attempt_id(ulid, start + at),
-                RgbdFrame(rgb=rgb[at], depth=depth[at], pose_base_tool=poses[at]),
-            )
-            for at in range(stop - start)
-        ]
+        return [(attempt_id(ulid, number), frame) for number, frame in enumerate(frames, start)]
 
     def _chosen(self, ulid: str, numbers: NDArray[np.int64], name: str) -> NDArray[Any]:
         first, last = int(numbers[0]), int(numbers[-1])

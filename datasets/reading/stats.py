@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from handsight.datasets.format.decisions import trainable
 from handsight.datasets.reading.reader import GraspDataset
 
 BINS = 8
@@ -129,7 +130,7 @@ class LabelStats:
 def label_stats(dataset: GraspDataset) -> LabelStats:
     """Count labels. Reads no pictures."""
     table = dataset.table(*_COLUMNS)
-    rows = table[table["success"].notna() & ~table["excluded"]]
+    rows = table[trainable(table)]
     success = rows["success"].astype(bool)
     labels = success.to_numpy()
     angle_rad = (rows["pregrasp_angle_rad"].to_numpy() + math.pi / 2) % math.pi - math.pi / 2

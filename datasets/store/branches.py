@@ -6,7 +6,7 @@ from handsight.datasets.address import DEFAULT_REF
 from handsight.datasets.errors import RefNameError, RefNotFoundError
 from handsight.datasets.store.icechunk_engine import icechunk_errors, sync_file_system
 from handsight.datasets.store.refs import create_ref
-from handsight.datasets.store.releases import LEDGER_BRANCH, check_ref_name
+from handsight.datasets.store.releases import check_ref_name
 from handsight.datasets.store.repository import GraspRepository
 
 
@@ -19,7 +19,7 @@ def create_branch(repository: GraspRepository, name: str, ref: str = DEFAULT_REF
     """
     check_ref_name("branch", name)
     with repository.locked():
-        if name in repository.releases() or name in repository.branches():
+        if repository.is_taken(name):
             raise RefNameError(f"{name!r} is taken in {repository.path}: choose another name for the branch")
         snapshot_id = repository.resolve(ref)
         with icechunk_errors(f"cannot create branch {name!r} of {repository.path}"):
@@ -40,8 +40,7 @@ def delete_branch(repository: GraspRepository, name: str, *, force: bool = False
             raise RefNotFoundError(f"{repository.path} has no branch {name!r} (branches: {', '.join(branches)})")
         if name == DEFAULT_REF:
             raise RefNameError(f"{name!r} is the default branch of {repository.path} and cannot be deleted")
-        others = [ref for ref in (*branches, *repository.releases()) if ref not in (name, LEDGER_BRANCH)]
-        if not force and not any(branches[name] in _history(repository, ref) for ref in others):
+        if not force and not _is_reachable(repository, branches, name):
             raise RefNameError(
                 f"branch {name!r} of {repository.path} holds commits that no other branch or release leads to: "
                 f"release it first, or delete it by force"
@@ -52,5 +51,9 @@ def delete_branch(repository: GraspRepository, name: str, *, force: bool = False
     return branches[name]
 
 
-def _history(repository: GraspRepository, ref: str) -> set[str]:
-    return {entry.snapshot_id for entry in repository.log(ref)}
+def _is_reachable(repository: GraspRepository, branches: dict[str, str], name: str) -> bool:
+    """Whether the tip of a branch is in the history of another branch or of a release."""
+    others = [tip for branch, tip in branches.items() if branch != name]
+    others += [release.snapshot_id for release in repository.releases().values()]
+    histories = repository.logs(dict.fromkeys(others))
+    return any(entry.snapshot_id == branches[name] for entries in histories for entry in entries)

@@ -65,25 +65,25 @@ def icechunk_errors(action: str) -> Iterator[None]:
 
 def publish(
     repository: icechunk.Repository,
-    session: icechunk.Session,
+    transaction: icechunk.Session,
     *,
     root: Path,
     branch: str,
     message: str,
     metadata: Mapping[str, Any],
 ) -> str:
-    """Move the branch to a new snapshot with the session's changes, and return its id. The caller holds the lock.
+    """Move the branch to a new snapshot with the transaction's changes, and return its id. The caller holds the lock.
 
     What the snapshot needs is on the disk before the branch points to it, and the branch is before this returns, so
     a power cut leaves either the old version or the new one, whole. Icechunk itself never syncs (refs.py).
 
     Raises:
-        icechunk.RebaseFailedError: The branch has moved and its new commits touch what the session touched.
+        icechunk.RebaseFailedError: The branch has moved and its new commits touch what the transaction touched.
     """
     tip = repository.lookup_branch(branch)
-    if session.snapshot_id != tip:
-        session.rebase(icechunk.ConflictDetector())
-    snapshot_id = session.flush(message, dict(metadata))
+    if transaction.snapshot_id != tip:
+        transaction.rebase(icechunk.ConflictDetector())
+    snapshot_id = transaction.flush(message, dict(metadata))
     sync_file_system(root)
     move_branch(root, branch, snapshot_id)
     return snapshot_id
@@ -91,7 +91,7 @@ def publish(
 
 def publish_shared(
     repository: icechunk.Repository,
-    session: icechunk.Session,
+    transaction: icechunk.Session,
     *,
     branch: str,
     message: str,
@@ -103,17 +103,17 @@ def publish_shared(
     Whoever is refused starts again from the new tip, of which ``check`` is told each time.
 
     Raises:
-        icechunk.RebaseFailedError: The branch has moved and its new commits touch what the session touched.
+        icechunk.RebaseFailedError: The branch has moved and its new commits touch what the transaction touched.
     """
     while True:
         tip = repository.lookup_branch(branch)
         check(tip)
-        if session.snapshot_id != tip:
-            session.rebase(icechunk.ConflictDetector())
-        if session.snapshot_id != tip:
+        if transaction.snapshot_id != tip:
+            transaction.rebase(icechunk.ConflictDetector())
+        if transaction.snapshot_id != tip:
             continue
         try:
-            return session.commit(message, dict(metadata))
+            return transaction.commit(message, dict(metadata))
         except icechunk.ConflictError:
             continue
 

@@ -1,4 +1,4 @@
-"""The place of a dataset: what may be there before, and what is there from the start."""
+"""The location of a dataset: what may be there before, and what is there from the start."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def is_icechunk_folder(path: Location) -> bool:
 
 
 def refuse_occupied(path: Location) -> None:
-    """Refuse a place where a new dataset cannot be made.
+    """Refuse a location where a new dataset cannot be made.
 
     Raises:
         DatasetExistsError: There is a dataset already.
@@ -42,10 +42,10 @@ def refuse_occupied(path: Location) -> None:
 def write_empty(path: Location) -> None:
     """Make a dataset without attempts where there is nothing yet, and sync it to disk."""
     repository = icechunk.Repository.create(storage_at(path), icechunk_config())
-    session = repository.writable_session(DEFAULT_REF)
+    transaction = repository.writable_session(DEFAULT_REF)
     attributes = {"schema_version": SCHEMA_VERSION, "dataset_uuid": str(uuid.uuid4()), "created": utc_now()}
-    zarr.create_group(session.store, attributes=attributes).create_group(SESSIONS)
-    snapshot_id = session.commit("create the dataset")
+    zarr.create_group(transaction.store, attributes=attributes).create_group(SESSIONS)
+    snapshot_id = transaction.commit("create the dataset")
     repository.create_branch(LEDGER_BRANCH, snapshot_id)
     sync_file_system(path)
 

@@ -10,8 +10,6 @@ The caller holds the commit lock; nothing else keeps two processes from moving t
 from __future__ import annotations
 
 import json
-import os
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -20,10 +18,10 @@ from typing import Literal
 import icechunk
 
 from handsight.datasets.address import Location, S3Prefix
+from handsight.datasets.atomic import atomic_file, atomic_folder, sync
 from handsight.datasets.errors import RefNameError, StorageError
 
 _FILE = "ref.json"
-_UNFINISHED = ".ref.unfinished"
 _TOMBSTONE = "ref.json.deleted"
 
 Kind = Literal["branch", "tag"]
@@ -36,10 +34,8 @@ def move_branch(path: Path, name: str, snapshot_id: str) -> None:
         StorageError: The disk is full or not writable.
     """
     folder = path / "refs" / f"branch.{name}"
-    with _disk_errors(folder):
-        _write(folder / _UNFINISHED, snapshot_id)
-        (folder / _UNFINISHED).replace(folder / _FILE)
-        _sync_folder(folder)
+    with _disk_errors(folder), atomic_file(folder / _FILE, durable=True) as unfinished:
+        _write(unfinished, snapshot_id)
 
 
 def create_ref(repository: icechunk.Repository, path: Location, kind: Kind, name: str, snapshot_id: str) -> None:
@@ -66,21 +62,16 @@ def create_ref(repository: icechunk.Repository, path: Location, kind: Kind, name
     if kind == "tag" and (path / "refs" / f"tag.{name}" / _TOMBSTONE).exists():
         raise deleted
     folder = path / "refs" / f"{kind}.{name}"
-    with _disk_errors(folder), tempfile.TemporaryDirectory(prefix=_UNFINISHED, dir=path) as temporary:
-        # Icechunk takes a folder without file for a ref and fails, so the folder is renamed into place whole.
-        unfinished = Path(temporary) / folder.name
+    # Icechunk takes a folder without file for a ref and fails, so the folder is renamed into place whole, and it is not
+    # made among the refs.
+    with _disk_errors(folder), atomic_folder(folder, beside=path, durable=True) as unfinished:
         unfinished.mkdir()
         _write(unfinished / _FILE, snapshot_id)
-        _sync_folder(unfinished)
-        unfinished.rename(folder)
-        _sync_folder(folder.parent)
+        sync(unfinished / _FILE)
 
 
 def _write(file: Path, snapshot_id: str) -> None:
-    with file.open("w", encoding="utf-8") as opened:
-        json.dump({"snapshot": snapshot_id}, opened, separators=(",", ":"))
-        opened.flush()
-        os.fsync(opened.fileno())
+    file.write_text(json.dumps({"snapshot": snapshot_id}, separators=(",", ":")), encoding="utf-8")
 
 
 @contextmanager
@@ -91,11 +82,3 @@ def _disk_errors(folder: Path) -> Iterator[None]:
         raise StorageError(
             f"cannot write {folder / _FILE}: {error.strerror}; check that the disk is writable and not full"
         ) from error
-
-
-def _sync_folder(folder: Path) -> None:
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import os
-import tempfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -16,6 +15,7 @@ import zarr
 from filelock import FileLock, Timeout
 
 from handsight.datasets.address import DEFAULT_REF, Location, S3Prefix, cache_folder, location_of
+from handsight.datasets.atomic import atomic_folder
 from handsight.datasets.errors import (
     CorruptDataError,
     DatasetBusyError,
@@ -25,6 +25,7 @@ from handsight.datasets.errors import (
     RefNameError,
     RefNotFoundError,
     SessionConflictError,
+    headline,
 )
 from handsight.datasets.store.icechunk_engine import (
     icechunk_errors,
@@ -85,7 +86,7 @@ class GraspRepository:
     def create(cls, path: str | Location) -> GraspRepository:
         """Create an empty dataset, and the folders above it.
 
-        A folder appears at once or not at all: it is made under another name beside its place and renamed.
+        A folder appears at once or not at all: it is made under another name beside its own and renamed.
 
         Raises:
             DatasetExistsError: There is a dataset already.
@@ -98,15 +99,12 @@ class GraspRepository:
                 write_empty(path)
             return cls.open(path)
         path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(prefix=f".{path.name}.new-", dir=path.parent) as folder:
-            fresh = Path(folder) / "dataset"
-            with icechunk_errors(f"cannot create a dataset at {path}"):
-                write_empty(fresh)
-            try:
-                fresh.rename(path)
-            except OSError:
-                refuse_occupied(path)
-                raise
+        try:
+            with atomic_folder(path) as unfinished, icechunk_errors(f"cannot create a dataset at {path}"):
+                write_empty(unfinished)
+        except OSError:
+            refuse_occupied(path)  # Another process may have been first.
+            raise
         sync_file_system(path)
         return cls.open(path)
 
@@ -184,14 +182,22 @@ class GraspRepository:
         Raises:
             RefNotFoundError: None of them has that name; the message lists those that exist.
         """
-        tags, branches = self._tags(), self.branches()
-        snapshot_id = tags.get(ref) or branches.get(ref)
-        if snapshot_id is None and is_snapshot_id(ref) and self._has_snapshot(ref):
-            snapshot_id = ref
-        if snapshot_id is None:
-            known = f"releases: {', '.join(tags) or 'none'}; branches: {', '.join(branches)}"
-            raise RefNotFoundError(f"{self.path} has no release, branch or snapshot {ref!r} ({known})")
-        return snapshot_id
+        self.check_process()
+        with icechunk_errors(f"cannot look up {ref!r} in {self.path}"):
+            snapshot_id = _looked_up(self._icechunk.lookup_tag, self._icechunk.list_tags, ref)
+            if snapshot_id is None and ref != LEDGER_BRANCH:
+                snapshot_id = _looked_up(self._icechunk.lookup_branch, self._icechunk.list_branches, ref)
+        if snapshot_id is not None:
+            return snapshot_id
+        if is_snapshot_id(ref) and self._has_snapshot(ref):
+            return ref
+        releases, branches = self._names()
+        known = f"releases: {', '.join(releases) or 'none'}; branches: {', '.join(branches)}"
+        raise RefNotFoundError(f"{self.path} has no release, branch or snapshot {ref!r} ({known})")
+
+    def is_taken(self, name: str) -> bool:
+        """Whether a release or a branch has that name."""
+        return any(name in names for names in self._names())
 
     def release(self, name: str, ref: str = DEFAULT_REF, message: str = "") -> Release:
         """Give a snapshot a name for good. A release can be neither moved nor made again under its name.
@@ -202,7 +208,7 @@ class GraspRepository:
         """
         check_ref_name("release", name)
         with self.locked():
-            if name in self._tags() or name in self.branches():
+            if self.is_taken(name):
                 raise RefNameError(f"{name!r} is taken in {self.path}: releases are immutable, choose another name")
             release = Release(name=name, snapshot_id=self.resolve(ref), message=message, released_at=datetime.now(UTC))
             self._record(release)
@@ -212,12 +218,12 @@ class GraspRepository:
     def _record(self, release: Release) -> None:
         """Add a release to the ledger, after others that reach a bucket at the same time."""
         while True:
-            ledger = self.writable(LEDGER_BRANCH)
-            add_to_ledger(zarr.open_group(ledger.store, mode="r+"), release)
+            transaction = self.writable(LEDGER_BRANCH)
+            add_to_ledger(zarr.open_group(transaction.store, mode="r+"), release)
             try:
-                self.commit(ledger, branch=LEDGER_BRANCH, message=f"release {release.name}")
+                self.commit(transaction, branch=LEDGER_BRANCH, message=f"release {release.name}")
             except SessionConflictError:
-                continue  # Another release came first, so somebody gets on.
+                continue  # Lost the race to another release: retry behind it.
             return
 
     def log(self, ref: str = DEFAULT_REF) -> list[LogEntry]:
@@ -226,60 +232,66 @@ class GraspRepository:
         Raises:
             RefNotFoundError: There is no such ref.
         """
-        snapshot_id = self.resolve(ref)
+        (entries,) = self.logs([self.resolve(ref)])
+        return entries
+
+    def logs(self, snapshot_ids: Iterable[str]) -> Iterator[list[LogEntry]]:
+        """As :meth:`log` for some snapshots, one after another; releases and branches are looked up once for all."""
         refs: dict[str, list[str]] = {}
         for name, target in (*self._tags().items(), *self.branches().items()):
             refs.setdefault(target, []).append(name)
-        with icechunk_errors(f"cannot read the history of {self.path}"):
-            return [
-                LogEntry(
-                    snapshot_id=commit.id,
-                    message=commit.message,
-                    written_at=commit.written_at,
-                    attempts_added=int(commit.metadata.get("attempts_added", 0)),
-                    session=commit.metadata.get("session"),
-                    refs=tuple(refs.get(commit.id, ())),
-                )
-                for commit in self._icechunk.ancestry(snapshot_id=snapshot_id)
-                if commit.parent_id is not None  # Icechunk's own empty first snapshot.
-            ]
+        for snapshot_id in snapshot_ids:
+            with icechunk_errors(f"cannot read the history of {self.path}"):
+                entries = [
+                    LogEntry(
+                        snapshot_id=commit.id,
+                        message=commit.message,
+                        written_at=commit.written_at,
+                        attempts_added=int(commit.metadata.get("attempts_added", 0)),
+                        session=commit.metadata.get("session"),
+                        refs=tuple(refs.get(commit.id, ())),
+                    )
+                    for commit in self._icechunk.ancestry(snapshot_id=snapshot_id)
+                    if commit.parent_id is not None  # Icechunk's own empty first snapshot.
+                ]
+            yield entries
 
     def root(self, snapshot_id: str) -> zarr.Group:
         """The root group of a snapshot, read-only."""
         self.check_process()
         with icechunk_errors(f"cannot read snapshot {snapshot_id} of {self.path}"):
-            session = self._icechunk.readonly_session(snapshot_id=snapshot_id)
+            transaction = self._icechunk.readonly_session(snapshot_id=snapshot_id)
             try:
-                return zarr.open_group(session.store, mode="r")
+                return zarr.open_group(transaction.store, mode="r")
             except FileNotFoundError as error:
                 raise NotADatasetError(f"{self.path} holds no root group, expected a handsight dataset") from error
             except (TypeError, ValueError) as error:
                 raise CorruptDataError(f"the root of {self.path}@{snapshot_id} is damaged: {error}") from error
 
     def writable(self, branch: str) -> icechunk.Session:
-        """A session whose changes :meth:`commit` will put onto the branch.
+        """A transaction whose changes :meth:`commit` will put onto the branch; Icechunk calls it a session.
 
         Raises:
             RefNotFoundError: There is no such branch.
         """
         self.check_process()
         if branch not in self._icechunk.list_branches():
-            raise RefNotFoundError(f"{self.path} has no branch {branch!r} (branches: {', '.join(self.branches())})")
+            raise RefNotFoundError(f"{self.path} has no branch {branch!r} (branches: {', '.join(self._names()[1])})")
         with icechunk_errors(f"cannot write to branch {branch!r} of {self.path}"):
             return self._icechunk.writable_session(branch)
 
     def commit(
         self,
-        session: icechunk.Session,
+        transaction: icechunk.Session,
         *,
         branch: str,
         message: str,
         metadata: Mapping[str, Any] | None = None,
         check: Callable[[zarr.Group], None] | None = None,
     ) -> str:
-        """Put a session's changes onto its branch, after whatever others have committed since, and return the id.
+        """Put a transaction's changes onto its branch, after whatever others have committed since, and return the id.
 
-        A session without changes adds no commit; the tip of the branch is returned.
+        A transaction without changes adds no commit; the tip of the branch is returned.
         ``check`` sees the branch as it is just before, with no commit of anybody else in between, and may refuse by
         raising.
 
@@ -294,13 +306,13 @@ class GraspRepository:
 
         what: dict[str, Any] = {"branch": branch, "message": message, "metadata": metadata or {}}
         with self.locked(), icechunk_errors(f"cannot commit to {self.path}"):
-            if not session.has_uncommitted_changes:
+            if not transaction.has_uncommitted_changes:
                 return self._icechunk.lookup_branch(branch)
             try:
                 if isinstance(self.path, S3Prefix):
-                    return publish_shared(self._icechunk, session, check=check_tip, **what)
+                    return publish_shared(self._icechunk, transaction, check=check_tip, **what)
                 check_tip(self._icechunk.lookup_branch(branch))
-                return publish(self._icechunk, session, root=self.path, **what)
+                return publish(self._icechunk, transaction, root=self.path, **what)
             except (icechunk.RebaseFailedError, icechunk.ConflictError) as error:
                 raise SessionConflictError(
                     f"another process has changed the same session of {self.path} on branch {branch!r}: "
@@ -343,6 +355,12 @@ class GraspRepository:
                 "workers with the 'spawn' or 'forkserver' method and open the dataset in each of them"
             )
 
+    def _names(self) -> tuple[list[str], list[str]]:
+        """Names of the releases and of the branches, each sorted."""
+        self.check_process()
+        with icechunk_errors(f"cannot list the releases and branches of {self.path}"):
+            return sorted(self._icechunk.list_tags()), sorted(self._icechunk.list_branches() - {LEDGER_BRANCH})
+
     def _tags(self) -> dict[str, str]:
         self.check_process()
         with icechunk_errors(f"cannot list the releases of {self.path}"):
@@ -354,3 +372,17 @@ class GraspRepository:
         except icechunk.IcechunkError:
             return False
         return True
+
+
+def _looked_up(lookup: Callable[[str], str], names: Callable[[], set[str]], name: str) -> str | None:
+    """The snapshot id behind a tag or a branch; None where there is none of that name.
+
+    Icechunk has one error for whatever goes wrong: unless that says plainly that there is no such ref, the names, of
+    which the store is asked only then, decide whether it is passed on.
+    """
+    try:
+        return lookup(name)
+    except icechunk.IcechunkError as error:
+        if headline(error).startswith("ref not found") or name not in names():
+            return None
+        raise

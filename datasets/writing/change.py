@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Generic, TypeVar
 
 import zarr
 
@@ -13,13 +15,25 @@ from handsight.datasets.store.repository import GraspRepository
 
 _TRIES = 100
 
-Change = Callable[[GraspDataset, zarr.Group], str | None]
-"""Given the version at the tip and its root to write to, makes its changes and returns the message of the commit;
-None when there is nothing to change."""
+T = TypeVar("T")
+
+Change = Callable[[GraspDataset, zarr.Group], tuple[str | None, T]]
+"""Given the version at the tip and its root to write to, makes its changes and returns the message of the commit, None
+when there is nothing to change, and whatever its caller wants to know. It may be called again."""
 
 
-def change_branch(repository: GraspRepository, branch: str, change: Change) -> str | None:
-    """Commit a change to the tip of a branch and return the snapshot id; None when there was nothing to change.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Changed(Generic[T]):
+    """What became of a change."""
+
+    snapshot: str | None
+    """The new tip of the branch; None when there was nothing to change."""
+    value: T
+    """What the change returned beside the message, when it was made for the last time."""
+
+
+def change_branch(repository: GraspRepository, branch: str, change: Change[T]) -> Changed[T]:
+    """Commit a change to the tip of a branch.
 
     ``change`` runs while no other process of this machine can commit. Where a lock cannot reach, on an object store,
     a change that met another one to the same arrays is made again from the new tip, so neither is lost.
@@ -32,14 +46,15 @@ def change_branch(repository: GraspRepository, branch: str, change: Change) -> s
     with repository.locked():
         tries_left = _TRIES
         while True:
-            session = repository.writable(branch)
-            dataset = GraspDataset(repository, ref=session.snapshot_id)
+            transaction = repository.writable(branch)
+            dataset = GraspDataset(repository, ref=transaction.snapshot_id)
             with icechunk_errors(f"cannot write to {repository.path}"):
-                message = change(dataset, zarr.open_group(session.store, mode="r+"))
+                message, value = change(dataset, zarr.open_group(transaction.store, mode="r+"))
             if message is None:
-                return None
+                return Changed(snapshot=None, value=value)
             try:
-                return repository.commit(session, branch=branch, message=message)
+                snapshot = repository.commit(transaction, branch=branch, message=message)
+                return Changed(snapshot=snapshot, value=value)
             except SessionConflictError:
                 tries_left -= 1
                 if not tries_left:

@@ -15,15 +15,13 @@ import zarr
 from numpy.typing import NDArray
 
 from handsight.datasets.address import DEFAULT_REF
-from handsight.datasets.format.arrays import array_at, copy_group, group_at, read_rows
-from handsight.datasets.format.frames import frame_paths
+from handsight.datasets.format.arrays import array_at, copy_group, group_at, read_all, read_rows
+from handsight.datasets.format.frames import BATCH_FRAMES, frame_paths
 from handsight.datasets.format.schema import SESSIONS
 from handsight.datasets.reading.reader import GraspDataset
 from handsight.datasets.store.repository import GraspRepository
-from handsight.datasets.writing.blocks import chunk_start, column_paths, rechunk_columns
+from handsight.datasets.writing.batches import chunk_start, column_paths, rechunk_columns
 from handsight.datasets.writing.change import change_branch
-
-_BLOCK_FRAMES = 16
 
 
 def revert(repository: GraspRepository, ref: str, *, branch: str = DEFAULT_REF, message: str = "") -> str | None:
@@ -38,14 +36,14 @@ def revert(repository: GraspRepository, ref: str, *, branch: str = DEFAULT_REF, 
     wanted_id = repository.resolve(ref)
     wanted = repository.root(wanted_id)
 
-    def change(dataset: GraspDataset, root: zarr.Group) -> str | None:
+    def change(dataset: GraspDataset, root: zarr.Group) -> tuple[str | None, None]:
         changed = _match_attributes(root, wanted)
         changed |= _match_sessions(group_at(root, SESSIONS), group_at(wanted, SESSIONS))
         for name in sorted({*root.group_keys(), *wanted.group_keys()} - {SESSIONS}):
             changed |= _match_group(root, wanted, name)
-        return (message or f"revert to {ref} ({wanted_id})") if changed else None
+        return ((message or f"revert to {ref} ({wanted_id})") if changed else None), None
 
-    return change_branch(repository, branch, change)
+    return change_branch(repository, branch, change).snapshot
 
 
 def _match_attributes(group: zarr.Group, wanted: zarr.Group) -> bool:
@@ -127,11 +125,11 @@ def _first_difference(left: NDArray[Any], right: NDArray[Any]) -> int:
 
 def _copy_rows(array: zarr.Array[Any], wanted: zarr.Array[Any], first: int) -> None:
     array.resize(wanted.shape)
-    step = max(_BLOCK_FRAMES, wanted.chunks[0])
+    step = max(BATCH_FRAMES, wanted.chunks[0])
     for start in range(first, wanted.shape[0], step):
         stop = min(start + step, wanted.shape[0])
         array[start:stop] = read_rows(wanted, start, stop)
 
 
 def _rows(array: zarr.Array[Any]) -> NDArray[Any]:
-    return np.ascontiguousarray(read_rows(array, 0, array.shape[0]))
+    return np.ascontiguousarray(read_all(array))

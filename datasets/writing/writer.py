@@ -13,6 +13,7 @@ from handsight.datasets.errors import (
     HeaderError,
     SessionConflictError,
     SessionNotFoundError,
+    counted,
 )
 from handsight.datasets.format.arrays import (
     Arrays,
@@ -36,7 +37,7 @@ from handsight.datasets.records import GraspAttempt, SessionHeader
 from handsight.datasets.store.icechunk_engine import icechunk_errors
 from handsight.datasets.store.layout import check_current
 from handsight.datasets.store.repository import GraspRepository
-from handsight.datasets.writing.blocks import (
+from handsight.datasets.writing.batches import (
     Columns,
     LastChunks,
     column_writes,
@@ -180,10 +181,10 @@ class SessionWriter:
         added = len(self._rows)
         if not message:
             verb = "seal" if attributes["status"] == "sealed" else "record"
-            message = f"{verb} session {self.session}, {added} attempt{'' if added == 1 else 's'}"
-        change = self.repository.writable(self.branch)
+            message = f"{verb} session {self.session}, {counted(added, 'attempt')}"
+        transaction = self.repository.writable(self.branch)
         with icechunk_errors(f"cannot write to {self.repository.path}"):
-            group, arrays = self._open(zarr.open_group(change.store, mode="r+"))
+            group, arrays = self._open(zarr.open_group(transaction.store, mode="r+"))
             group.update_attributes(attributes)  # Even if they say the same, so that two writers collide.
             last_chunks = self._last_chunks
             if added:
@@ -191,10 +192,10 @@ class SessionWriter:
                 run_concurrently([*frame_writes(arrays, self._frames, stored=self._stored), *writes])
             if attributes["status"] == "sealed":
                 rechunk_columns(group, packed_rows("sealed", self.next_number))
-        if not change.has_uncommitted_changes:
-            return change.snapshot_id  # Sealed again within the second: Icechunk refuses an empty commit.
+        if not transaction.has_uncommitted_changes:
+            return transaction.snapshot_id  # Sealed again within the second: Icechunk refuses an empty commit.
         snapshot_id = self.repository.commit(
-            change,
+            transaction,
             branch=self.branch,
             message=message,
             metadata={"attempts_added": added, "session": self.session},
@@ -220,8 +221,8 @@ class SessionWriter:
         found = array_at(group, "attempts/number").shape[0]
         if found != self._stored:
             raise SessionConflictError(
-                f"session {self.session} has {found} attempts, this writer knows of {self._stored}: another process "
-                "went on with it; stop one of the two, then go on with --resume"
+                f"session {self.session} has {counted(found, 'attempt')}, this writer knows of {self._stored}: another "
+                "process went on with it; stop one of the two, then go on with --resume"
             )
         if group.attrs["status"] == "sealed":
             rechunk_columns(group, COLUMN_CHUNK_ROWS)  # It may be packed.
@@ -239,7 +240,7 @@ class SessionWriter:
             raise SessionConflictError(
                 f"branch {self.branch!r} of {self.repository.path} already holds session {session.ulid} of "
                 f"{session.header.station.source} with seed {self.header.seed} and this configuration "
-                f"({session.attempts} attempts): go on with it by --resume, or choose another seed"
+                f"({counted(session.attempts, 'attempt')}): go on with it by --resume, or choose another seed"
             )
 
 

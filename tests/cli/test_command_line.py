@@ -175,6 +175,22 @@ def test_help_loads_nothing_heavy() -> None:
     assert "dataset" in done.stdout
 
 
+def test_collecting_by_chance_and_reading_a_digest_need_no_torch(tmp_path: Path) -> None:
+    """Where only data are made, on every worker of a cluster for instance, gigabytes of PyTorch are not needed."""
+    code = (
+        "import sys\n"
+        "sys.modules['torch'] = None  # As if it were not installed.\n"
+        "from handsight.cli.app import run\n"
+        "sys.exit(run(sys.argv[1:]))\n"
+    )
+    grasps = str(tmp_path / "grasps")
+    for words in (["collect", "sim", grasps, "-n", "1", "--workers", "1"], ["dataset", "info", grasps, "--json"]):
+        command = [sys.executable, "-P", "-c", code, *words]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+    assert len(json.loads(done.stdout)["digest"]) == 64
+
+
 def test_the_executable_prints_its_version() -> None:
     executable = Path(sys.executable).with_name("handsight")
     done = subprocess.run([executable, "--version"], capture_output=True, text=True, check=True)

@@ -92,7 +92,7 @@ def test_the_wheel_carries_version_command_and_licence(dist: Path, wheel_files: 
 def locked() -> dict[str, str]:
     """Version of each package in constraints.txt, by canonical name."""
     lines = (line for line in (ROOT / "constraints.txt").read_text().splitlines() if line and not line.startswith("#"))
-    pins = (line.split("==") for line in lines)
+    pins = (line.partition(";")[0].split("==") for line in lines)
     return {canonicalize_name(name): version for name, version in pins}
 
 

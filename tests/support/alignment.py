@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handsight.collection.sim.bullet import BulletClient
-from handsight.collection.sim.camera import camera_pose, render_objects
+from handsight.collection.sim.camera import render_objects
 from handsight.collection.sim.renderer import TINY, Renderer
 from handsight.servoing.camera import HandCamera, Intrinsics
 from handsight.servoing.homography import InputGrid
@@ -53,7 +53,7 @@ def look(
     renderer: Renderer = TINY,
 ) -> PreparedView:
     """What the camera sees from a pose, every pixel of it."""
-    pose_base_camera = camera_pose(camera, pose.pose_base_tool(height_m))
+    pose_base_camera = camera.pose_base_camera(pose.pose_base_tool(height_m))
     rgb, depth_m = render_objects(bullet, camera.intrinsics, pose_base_camera, renderer=renderer)
     view = View(rgb=rgb, depth_m=depth_m.astype(np.float32), camera=camera)
     return PreparedView.from_view(view, pixels_per_cell=1)

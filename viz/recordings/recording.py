@@ -10,6 +10,7 @@ from pathlib import Path
 import rerun as rr
 import rerun.blueprint as rrb
 
+from handsight.datasets.atomic import atomic_file
 from handsight.viz.errors import RecordingError
 
 
@@ -41,19 +42,16 @@ def write_recording(path: Path, *, kind: str, name: str, blueprint: rrb.Blueprin
         RecordingError: As for :func:`check_recording_path`.
     """
     check_recording_path(path)
-    partial = path.with_name(f".{path.name}.partial")
-    recording = rr.RecordingStream(kind, recording_id=name, send_properties=False)
-    try:
-        recording.set_log_time_enabled(False)
-        recording.set_log_tick_enabled(False)
-        recording.save(partial, default_blueprint=blueprint)
-        recording.send_recording_name(name)
-        yield recording
-        recording.disconnect()
-        partial.replace(path)
-    finally:
-        recording.disconnect()
-        partial.unlink(missing_ok=True)
+    with atomic_file(path) as unfinished:
+        recording = rr.RecordingStream(kind, recording_id=name, send_properties=False)
+        try:
+            recording.set_log_time_enabled(False)
+            recording.set_log_tick_enabled(False)
+            recording.save(unfinished, default_blueprint=blueprint)
+            recording.send_recording_name(name)
+            yield recording
+        finally:
+            recording.disconnect()
 
 
 def paused_layout(content: rrb.Container, *, timeline: str, fps: float) -> rrb.Blueprint:

@@ -15,7 +15,6 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from handsight.datasets.records import RgbdFrame, SceneObjects, StationSpec
-from handsight.servoing.camera import HandCamera
 from handsight.viz import palette
 
 TABLE_SIDE_M = 0.64
@@ -44,14 +43,6 @@ class HeightField:
     """Where depth was measured. Shape (R, C)."""
 
 
-def pose_base_camera(camera: HandCamera, pose_base_tool: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Camera frame in the base frame. Shape (4, 4)."""
-    pose_tool_camera = np.eye(4)
-    pose_tool_camera[:3, 3] = camera.x_tool_camera_m, camera.y_tool_camera_m, camera.z_tool_camera_m
-    pose: NDArray[np.float64] = pose_base_tool @ pose_tool_camera
-    return pose
-
-
 def back_project(frame: RgbdFrame, spec: StationSpec, *, stride_px: int = STRIDE_PX) -> HeightField:
     """Lift every ``stride_px``-th pixel of a picture into the base frame."""
     k = spec.camera.intrinsics
@@ -59,7 +50,7 @@ def back_project(frame: RgbdFrame, spec: StationSpec, *, stride_px: int = STRIDE
     depth_m = depth.astype(np.float64) * spec.depth_scale_m
     row, column = np.mgrid[0 : k.height : stride_px, 0 : k.width : stride_px]
     rays = np.stack([(column - k.cx) / k.fx, (row - k.cy) / k.fy, np.ones(row.shape)], axis=-1)  # (R, C, 3)
-    pose = pose_base_camera(spec.camera, frame.pose_base_tool)
+    pose = spec.camera.pose_base_camera(frame.pose_base_tool)
     points_m = (rays * depth_m[..., None]) @ pose[:3, :3].T + pose[:3, 3]
     return HeightField(points_m=points_m.astype(np.float32), rgb=frame.rgb[::stride_px, ::stride_px], valid=depth > 0)
 

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import os
-import shutil
-import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
 from handsight.collection.errors import ObjectSetError
+from handsight.datasets.atomic import atomic_folder
 
 CACHE_VARIABLE = "HANDSIGHT_CACHE"
 
@@ -20,7 +19,7 @@ def cache_root() -> Path:
 
 
 def publish(target: Path, fill: Callable[[Path], None]) -> bool:
-    """Make folder ``target`` at once: ``fill`` writes into a temporary folder beside it, which is then renamed.
+    """Make folder ``target`` at once: ``fill`` writes into an empty folder beside it, which is then renamed.
 
     Several processes may try; the first one wins and the others throw their work away. A process that is killed
     leaves a folder whose name starts with a dot, which is never read.
@@ -29,24 +28,19 @@ def publish(target: Path, fill: Callable[[Path], None]) -> bool:
         Whether this call made the folder.
 
     Raises:
-        ObjectSetError: the folder cannot be written, with the reason.
+        ObjectSetError: The folder cannot be written, with the reason.
     """
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
-        scratch = Path(tempfile.mkdtemp(prefix=f".{target.name}-", dir=target.parent))
-    except OSError as error:
-        raise _unwritable(target, error) from error
-    try:
-        fill(scratch)
-        scratch.chmod(0o755)
-        scratch.rename(target)
+        with atomic_folder(target) as unfinished:
+            unfinished.mkdir()
+            fill(unfinished)
+            unfinished.chmod(0o755)
     except OSError as error:
         # A folder that is not empty cannot be renamed over: somebody else was first.
         if target.is_dir():
             return False
         raise _unwritable(target, error) from error
-    finally:
-        shutil.rmtree(scratch, ignore_errors=True)
     return True
 
 

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 import pandas as pd
 
-from handsight.datasets.format.arrays import array_at, read_rows
+from handsight.datasets.format.arrays import array_at, read_all
 from handsight.datasets.format.schema import SESSIONS
 from handsight.datasets.format.sessions import SessionInfo
 from handsight.datasets.integrity.doctor.findings import Finding, attempt_finding
@@ -88,7 +88,7 @@ def _crop_findings(dataset: GraspDataset, session: SessionInfo, rows: pd.DataFra
     rows = rows[rows["overhead_taken"] & rows["recorded_success"].notna()]
     root = dataset.repository.root(dataset.snapshot_id)
     array = array_at(root, f"{SESSIONS}/{session.ulid}/overhead/pose_base_tool")
-    poses = read_rows(array, 0, array.shape[0])[rows["number"].to_numpy()]  # (N, 4, 4)
+    poses = read_all(array)[rows["number"].to_numpy()]  # (N, 4, 4)
     camera = session.header.station.camera
     points = np.stack([rows["pregrasp_x_m"], rows["pregrasp_y_m"], np.zeros(len(rows))], axis=1)  # (N, 3), base
     in_tool = np.einsum("nij,ni->nj", poses[:, :3, :3], points - poses[:, :3, 3])

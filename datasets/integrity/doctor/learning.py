@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from handsight.datasets.curation.folds import Folds, fold_faults
+from handsight.datasets.format.decisions import trainable
 from handsight.datasets.format.digest import attempt_digest
 from handsight.datasets.format.schema import parse_attempt_id
 from handsight.datasets.integrity.doctor.findings import Finding, attempt_finding, dataset_finding
@@ -21,7 +22,7 @@ _FEWEST = 50
 
 def balance_findings(dataset: GraspDataset) -> Iterator[Finding]:
     """Whether both labels occur often enough."""
-    labels = dataset.attempts["success"][~dataset.attempts["excluded"]].dropna()
+    labels = dataset.attempts["success"][trainable(dataset.attempts)]
     share = float(labels.mean()) if len(labels) else 0.5
     if len(labels) >= _FEWEST and not _RAREST <= share <= 1 - _RAREST:
         message = f"{share:.1%} of {len(labels)} labelled attempts succeed, expected {_RAREST:.0%} to {1 - _RAREST:.0%}"

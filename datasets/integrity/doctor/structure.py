@@ -6,11 +6,12 @@ from collections.abc import Iterator
 
 import zarr
 
-from handsight.datasets.format.arrays import array_at, group_at
-from handsight.datasets.format.schema import COLUMNS, SESSIONS, VIEWPOINTS
+from handsight.datasets.format.arrays import group_at
+from handsight.datasets.format.schema import SESSIONS
 from handsight.datasets.format.sessions import attribute_damage
 from handsight.datasets.integrity.doctor.findings import Finding, attempt_finding, dataset_finding
 from handsight.datasets.reading.reader import GraspDataset
+from handsight.datasets.writing.batches import session_arrays
 
 
 def structure_findings(dataset: GraspDataset) -> Iterator[Finding]:
@@ -29,9 +30,7 @@ def structure_findings(dataset: GraspDataset) -> Iterator[Finding]:
 
 
 def _length_findings(ulid: str, group: zarr.Group) -> Iterator[Finding]:
-    paths = [f"attempts/{column.name}" for column in COLUMNS]
-    paths += [f"{viewpoint}/{name}" for viewpoint in VIEWPOINTS for name in ("rgb", "depth", "pose_base_tool")]
-    lengths = {path: array_at(group, path).shape[0] for path in paths}
+    lengths = {path: array.shape[0] for path, array in session_arrays(group).items()}
     if len(set(lengths.values())) > 1:
         listed = ", ".join(f"{path} {length}" for path, length in lengths.items())
         yield dataset_finding("GD-103", "error", f"arrays of session {ulid} differ in length: {listed}")

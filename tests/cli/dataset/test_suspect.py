@@ -35,7 +35,7 @@ from handsight.datasets.views import station_view
 from handsight.training.cross_validation import out_of_fold_scores
 from handsight.training.trainer import TrainSettings
 
-KEYS = {"attempt", "success", "predicted_success", "doubt", "target", "truth_held", "truth_disagrees"}
+KEYS = {"attempt", "success", "predicted_success", "label_quality", "target", "truth_held", "truth_disagrees"}
 HEADER = small_header(source="sim", seed=0)
 
 
@@ -89,7 +89,7 @@ def path(tmp_path: Path) -> Path:
     return recorded(tmp_path / "my grasps", [number % 4 == 0 or number == 1 for number in range(20)])
 
 
-def suspects(capsys: pytest.CaptureFixture[str], path: Path | str, *words: str) -> list[dict[str, Any]]:
+def issues(capsys: pytest.CaptureFixture[str], path: Path | str, *words: str) -> list[dict[str, Any]]:
     capsys.readouterr()
     assert run(["dataset", "suspect", str(path), "--epochs", "1", "--json", *words]) == 0
     captured = capsys.readouterr()
@@ -102,25 +102,25 @@ def suspects(capsys: pytest.CaptureFixture[str], path: Path | str, *words: str) 
 
 def test_the_list_is_ranked_and_the_same_every_time(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     before = GraspDataset.open(str(path)).snapshot_id
-    listed = suspects(capsys, path, "-n", "100")
+    listed = issues(capsys, path, "-n", "100")
     dataset = GraspDataset.open(str(path))
     labelled = dataset.attempts[dataset.attempts["success"].notna()]
     assert dataset.snapshot_id == before
     assert sorted(one["attempt"] for one in listed) == labelled.index.tolist()
-    assert [one["doubt"] for one in listed] == sorted((one["doubt"] for one in listed), reverse=True)
+    assert [one["label_quality"] for one in listed] == sorted(one["label_quality"] for one in listed)
     for one in listed:
         assert set(one) >= KEYS
         number = int(one["attempt"][-6:])
         assert one["success"] is (number % 4 == 0 or number == 1)
         assert one["truth_disagrees"] is (number == 1)
-        expected = 1 - one["predicted_success"] if one["success"] else one["predicted_success"]
-        assert one["doubt"] == pytest.approx(expected, abs=1e-6)
-    few = suspects(capsys, path, "-n", "4")
+        expected = one["predicted_success"] if one["success"] else 1 - one["predicted_success"]
+        assert one["label_quality"] == pytest.approx(expected, abs=1e-6)
+    few = issues(capsys, path, "-n", "4")
     assert len(few) == 4
     for label in (True, False):
         own = [one for one in few if one["success"] is label]
         assert own == [one for one in listed if one["success"] is label][: len(own)]
-    assert suspects(capsys, path, "-n", "4", "--seed", "1") != few
+    assert issues(capsys, path, "-n", "4", "--seed", "1") != few
 
 
 def test_stored_folds_are_the_ones_that_count(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -128,7 +128,7 @@ def test_stored_folds_are_the_ones_that_count(tmp_path: Path, capsys: pytest.Cap
     make_folds(GraspRepository.open(path), "cv", by="session", count=2, seed=0, author="anna")
     dataset = GraspDataset.open(str(path))
     before = dataset.snapshot_id
-    listed = suspects(capsys, path, "-n", "100", "--folds", "cv", "--seed", "5")
+    listed = issues(capsys, path, "-n", "100", "--folds", "cv", "--seed", "5")
     data = materialize(dataset, viewpoint="overhead")
     folds = read_folds(dataset, "cv").fold[data.attempts.index].to_numpy()
     scores = out_of_fold_scores(data, folds, TrainSettings(epochs=1, seed=5))
@@ -137,9 +137,9 @@ def test_stored_folds_are_the_ones_that_count(tmp_path: Path, capsys: pytest.Cap
     assert GraspDataset.open(str(path)).snapshot_id == before
 
 
-def test_where_narrows_the_list_and_changes_no_doubt(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    everything = suspects(capsys, path, "-n", "100")
-    some = suspects(capsys, path, "-n", "100", "--where", "number >= 10 and not success")
+def test_where_narrows_the_list_and_changes_no_quality(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    everything = issues(capsys, path, "-n", "100")
+    some = issues(capsys, path, "-n", "100", "--where", "number >= 10 and not success")
     assert some == [one for one in everything if int(one["attempt"][-6:]) >= 10 and not one["success"]]
     assert some
 
@@ -148,7 +148,7 @@ def test_excluded_attempts_do_not_count_and_corrected_labels_do(path: Path, caps
     curator = Curator(GraspRepository.open(path), author="anna")
     curator.exclude(Selection(where="number == 5"), "blurred")
     curator.relabel(Selection(where="number == 1"), False, "empty in the picture")
-    listed = {int(one["attempt"][-6:]): one for one in suspects(capsys, path, "-n", "100")}
+    listed = {int(one["attempt"][-6:]): one for one in issues(capsys, path, "-n", "100")}
     assert sorted(listed) == [number for number in range(20) if number != 5]
     assert listed[1]["success"] is False
     assert listed[1]["truth_disagrees"] is False
@@ -158,15 +158,15 @@ def test_people_get_a_table_the_trust_in_it_and_what_to_do(path: Path, capsys: p
     assert run(["dataset", "suspect", str(path), "--epochs", "1", "-n", "4"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert len(lines) == 1 + 4 + 2
-    assert lines[0].split() == ["attempt", "doubt", "label", "predicted", "simulator", "target"]
+    assert lines[0].split() == ["attempt", "quality", "label", "predicted", "simulator", "target"]
     assert re.search(r"cross-validated on 20 attempts: balanced accuracy 0\.\d\d, AUC 0\.\d\d", lines[-2])
     assert "--rrd FILE" in lines[-1]
     assert "relabel" in lines[-1]
 
 
 def commands_in(recording: Path, step: int) -> list[list[str]]:
-    """What the text of a suspect tells its reader to type, without the program's name."""
-    (text,) = dict(read_recording(recording, timeline="suspect")["/text/suspect"]["TextDocument:text"])[step]
+    """What the text of an issue tells its reader to type, without the program's name."""
+    (text,) = dict(read_recording(recording, timeline="issue")["/text/issue"]["TextDocument:text"])[step]
     blocks = re.findall(r"```\n(.*)\n```", text)
     assert all(block.startswith("handsight ") for block in blocks)
     return [shlex.split(block)[1:] for block in blocks]
@@ -179,8 +179,8 @@ def test_commands_in_the_recording_do_what_they_say(
     repository = GraspRepository.open(path)
     create_branch(repository, "week2")
     repository.release("v1")
-    recording = tmp_path / "suspects.rrd"
-    (first, second) = suspects(capsys, f"{path}{ref}", "-n", "2", "--rrd", str(recording))
+    recording = tmp_path / "issues.rrd"
+    (first, second) = issues(capsys, f"{path}{ref}", "-n", "2", "--rrd", str(recording))
     branch = "@week2" if ref == "@week2" else ""
     relabel, _ = commands_in(recording, 0)
     _, exclude = commands_in(recording, 1)
@@ -195,9 +195,9 @@ def test_commands_in_the_recording_do_what_they_say(
 def test_the_recording_shows_each_grasp_where_it_was_attempted(
     path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    recording = tmp_path / "suspects.rrd"
-    listed = suspects(capsys, path, "-n", "5", "--rrd", str(recording))
-    content = read_recording(recording, timeline="suspect")
+    recording = tmp_path / "issues.rrd"
+    listed = issues(capsys, path, "-n", "5", "--rrd", str(recording))
+    content = read_recording(recording, timeline="issue")
     dataset = GraspDataset.open(str(path))
     data = materialize(dataset, viewpoint="overhead")
     for step, one in enumerate(listed):

@@ -11,7 +11,7 @@ from handsight.collection.sim.arm import Arm
 from handsight.collection.sim.arm_model import temporary_arm_urdf
 from handsight.collection.sim.bullet import connect
 from handsight.collection.sim.bullet import pybullet as pb
-from handsight.collection.sim.camera import Light, camera_pose, render, render_objects
+from handsight.collection.sim.camera import Light, render, render_objects
 from handsight.collection.sim.config import D435_ON_GRIPPER, SimConfig
 from handsight.collection.sim.table import TABLE_HALF_SIZE_M, TableTop, wooden_table
 from handsight.servoing.planar import PlanarPose
@@ -93,7 +93,7 @@ def test_the_arm_is_not_in_the_picture(height_m: float, width_m: float) -> None:
     try:
         arm = Arm(bullet, urdf, SimConfig(gripper_stroke_m=width_m or 0.005))
         arm.place(POSE.pose_base_tool(height_m))
-        _, depth_m = render_objects(bullet, INTRINSICS, camera_pose(D435_ON_GRIPPER, arm.pose_base_tool))
+        _, depth_m = render_objects(bullet, INTRINSICS, D435_ON_GRIPPER.pose_base_camera(arm.pose_base_tool))
     finally:
         bullet.disconnect()
         folder.cleanup()

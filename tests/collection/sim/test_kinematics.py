@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from handsight.collection.errors import UnreachableError
 from handsight.collection.sim.arm import Arm
@@ -37,6 +38,35 @@ def test_fingertips_arrive_where_they_were_sent(
     goal = PlanarPose(x_m=x_m, y_m=y_m, angle_rad=angle_rad).pose_base_tool(height_m)
     arm.place(goal)
     np.testing.assert_allclose(arm.pose_base_tool, goal, atol=1e-6)
+
+
+@settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    x_m=st.floats(0.2, 1.5),
+    y_m=st.floats(-0.8, 0.8),
+    height_m=st.floats(-0.2, 0.9),
+    angle_rad=st.floats(-np.pi, np.pi),
+    roll_rad=st.floats(-1, 1),
+    pitch_rad=st.floats(-1, 1),
+)
+def test_what_is_not_refused_is_reached(
+    arm: Arm, x_m: float, y_m: float, height_m: float, angle_rad: float, roll_rad: float, pitch_rad: float
+) -> None:
+    """The solver answers for poses out of reach too, with joints that come as close as they can."""
+    goal = PlanarPose(x_m=x_m, y_m=y_m, angle_rad=angle_rad).pose_base_tool(height_m)
+    goal[:3, :3] @= Rotation.from_euler("xy", (roll_rad, pitch_rad)).as_matrix()
+    try:
+        arm.place(goal)
+    except UnreachableError:
+        return
+    np.testing.assert_allclose(arm.pose_base_tool, goal, atol=1e-6)
+
+
+@pytest.mark.parametrize("x_m", [0.53, 0.62, 0.75, 0.87, 0.89, 0.99])
+def test_of_two_solutions_by_symmetry_the_arm_takes_that_of_its_branch(x_m: float) -> None:
+    """Here shoulder and last wrist joint trade places, and turn equally far: the last bit must not decide."""
+    joints_rad = joints_for(PlanarPose(x_m=x_m, y_m=0.0, angle_rad=0.5 * np.pi).pose_base_tool(0.13), REFERENCE_RAD)
+    assert abs(joints_rad[0] - REFERENCE_RAD[0]) < 0.5
 
 
 @given(x_m=st.floats(0.45, 0.85), y_m=st.floats(-0.2, 0.2), dx_m=st.floats(-0.01, 0.01), dy_m=st.floats(-0.01, 0.01))

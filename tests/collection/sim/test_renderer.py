@@ -26,7 +26,7 @@ from handsight.collection.sim import renderer as renderer_module
 from handsight.collection.sim import renderer_choice
 from handsight.collection.sim.bullet import BulletClient, quiet
 from handsight.collection.sim.bullet import pybullet as pb
-from handsight.collection.sim.camera import Light, camera_pose, render_objects
+from handsight.collection.sim.camera import Light, render_objects
 from handsight.collection.sim.config import D435_ON_GRIPPER, SimConfig
 from handsight.collection.sim.renderer import (
     EGL,
@@ -82,7 +82,7 @@ def test_pictures_agree_with_the_homography_to_a_twentieth_of_a_pixel(
 def test_depth_of_a_plane_is_exact_to_a_tenth_of_a_millimetre(textured_plane: BulletClient) -> None:
     """The plugin's depth buffer has 16 bits with Mesa; a dataset's unit is a whole millimetre."""
     k = SKEWED.intrinsics
-    pose_base_camera = camera_pose(SKEWED, PlanarPose(x_m=0.6, y_m=0.0, angle_rad=0.3).pose_base_tool(0.4))
+    pose_base_camera = SKEWED.pose_base_camera(PlanarPose(x_m=0.6, y_m=0.0, angle_rad=0.3).pose_base_tool(0.4))
     _, depth_m = render_objects(textured_plane, k, pose_base_camera, renderer=EGL)
     np.testing.assert_allclose(depth_m, 0.52, atol=1e-4)
 
@@ -133,7 +133,7 @@ def test_an_attempt_does_not_depend_on_what_was_drawn_before(egl: Renderer) -> N
 
 
 def test_a_renewed_engine_draws_the_same(egl: Renderer) -> None:
-    pose_base_camera = camera_pose(D435_ON_GRIPPER, PlanarPose(x_m=0.6, y_m=0.0, angle_rad=0.0).pose_base_tool(0.4))
+    pose_base_camera = D435_ON_GRIPPER.pose_base_camera(PlanarPose(x_m=0.6, y_m=0.0, angle_rad=0.0).pose_base_tool(0.4))
     clients = EmptyClients(replace(egl, attempts_per_client=2))
     pictures, seen = [], []
     for _ in range(5):
@@ -151,7 +151,7 @@ def test_a_renewed_engine_draws_the_same(egl: Renderer) -> None:
 
 def test_shadows_do_not_depend_on_how_long_the_light_is_given(egl: Renderer) -> None:
     """The plugin takes the direction for a place and casts shadows near it."""
-    pose_base_camera = camera_pose(D435_ON_GRIPPER, PlanarPose(x_m=0.6, y_m=0.0, angle_rad=0.0).pose_base_tool(0.4))
+    pose_base_camera = D435_ON_GRIPPER.pose_base_camera(PlanarPose(x_m=0.6, y_m=0.0, angle_rad=0.0).pose_base_tool(0.4))
     bullet = open_client(egl)
     for height_m in (0.03, 0.2):
         shape = bullet.createVisualShape(pb.GEOM_SPHERE, radius=0.03)

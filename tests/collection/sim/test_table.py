@@ -9,7 +9,7 @@ import numpy as np
 
 from handsight.collection.sim.bullet import connect
 from handsight.collection.sim.bullet import pybullet as pb
-from handsight.collection.sim.camera import camera_pose, render_objects
+from handsight.collection.sim.camera import render_objects
 from handsight.collection.sim.config import D435_ON_GRIPPER
 from handsight.collection.sim.table import TABLE_CENTRE_M, TABLE_HALF_SIZE_M, TableTop, plane_depth_m, wooden_table
 from handsight.servoing.planar import PlanarPose
@@ -23,7 +23,7 @@ def test_table_matches_the_rasterised_one(tmp_path: Path) -> None:
     top = wooden_table(np.random.default_rng(0))
     tilted = POSE.pose_base_tool(0.45)
     tilted[:3, :3] = tilted[:3, :3] @ cv2.Rodrigues(np.array([0.05, -0.04, 0.0]))[0]
-    pose_base_camera = camera_pose(D435_ON_GRIPPER, tilted)
+    pose_base_camera = D435_ON_GRIPPER.pose_base_camera(tilted)
     cv2.imwrite(str(tmp_path / "wood.png"), cv2.cvtColor(top.texture[::-1], cv2.COLOR_RGB2BGR))
     half = TABLE_HALF_SIZE_M
     lines = [f"v {x} {y} 0" for x, y in ((-half, -half), (half, -half), (half, half), (-half, half))]
@@ -45,11 +45,11 @@ def test_table_matches_the_rasterised_one(tmp_path: Path) -> None:
 
 
 def test_plane_depth_of_a_level_camera_is_its_height() -> None:
-    depth_m = plane_depth_m(INTRINSICS, camera_pose(D435_ON_GRIPPER, POSE.pose_base_tool(0.4)))
+    depth_m = plane_depth_m(INTRINSICS, D435_ON_GRIPPER.pose_base_camera(POSE.pose_base_tool(0.4)))
     np.testing.assert_allclose(depth_m, 0.5, atol=1e-12)
 
 
 def test_too_much_light_stops_at_white() -> None:
     top = TableTop(np.full((8, 8, 3), 200, np.uint8), size_m=2 * TABLE_HALF_SIZE_M)
-    rgb, _ = top.draw(INTRINSICS, camera_pose(D435_ON_GRIPPER, POSE.pose_base_tool(0.4)), brightness=1.5)
+    rgb, _ = top.draw(INTRINSICS, D435_ON_GRIPPER.pose_base_camera(POSE.pose_base_tool(0.4)), brightness=1.5)
     assert np.unique(rgb).tolist() == [255]

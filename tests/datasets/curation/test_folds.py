@@ -131,7 +131,7 @@ def test_folds_are_refused_when_attempts_came_went_or_changed(divided: GraspRepo
     anna.exclude(Selection(where="seed == 1 and success.notna()"), "x")
     with SessionWriter.begin(divided, make_header(seed=9)) as writer:
         writer.append(make_attempt(writer.header, 0, outcome=Outcome.HELD))
-    with pytest.raises(FoldsError, match=r"1 attempts have no fold, .*; \d+ of their attempts are excluded"):
+    with pytest.raises(FoldsError, match=r"they lack 1 attempt, .*; they hold \d+ attempts excluded"):
         read_folds(opened(divided), "cv")
     assert read_folds(good, "cv").count == 2
 
@@ -153,5 +153,5 @@ def test_leaking_folds_are_refused(repository: GraspRepository) -> None:
     array = array_at(zarr.open_group(session.store, mode="r+"), "folds/cv/fold")
     array[0] = (folds.fold.iloc[0] + 1) % 3
     repository.commit(session, branch="main", message="tamper")
-    with pytest.raises(FoldsError, match=r"1 groups are in more than one fold \(object apple\)"):
+    with pytest.raises(FoldsError, match=r"they split 1 group over several folds \(object apple\)"):
         read_folds(opened(repository), "cv")

@@ -38,21 +38,21 @@ def numbers(repository: GraspRepository, column: str) -> list[int]:
     return table["number"][table[column].fillna(False).astype(bool)].tolist()
 
 
-def test_saved_views_are_kept_checked_and_forgotten(curated: GraspRepository) -> None:
+def test_saved_filters_are_kept_checked_and_forgotten(curated: GraspRepository) -> None:
     assert save_filter(curated, "good", "success and not excluded", author="anna") == 3
     tip = curated.resolve("main")
     assert save_filter(curated, "good", "success and not excluded", author="ben") == 3
     assert curated.resolve("main") == tip
-    with pytest.raises(RefNameError, match="there is a view 'good' already"):
+    with pytest.raises(RefNameError, match="there is a filter 'good' already"):
         save_filter(curated, "good", "success", author="anna")
-    with pytest.raises(RefNameError, match="view name is 'a b'"):
+    with pytest.raises(RefNameError, match="filter name is 'a b'"):
         save_filter(curated, "a b", "success", author="anna")
     with pytest.raises(WhereError, match="no column 'sucess'"):
         save_filter(curated, "typo", "sucess", author="anna")
     assert curated.resolve("main") == tip
     save_filter(curated, "good", "success", author="anna", replace=True)
     assert read_filters(curated.root(curated.resolve("main"))) == {"good": "success"}
-    Curator(curated, author="anna").exclude(Selection(filter="good", where="number > 0"), "by view")
+    Curator(curated, author="anna").exclude(Selection(filter="good", where="number > 0"), "by filter")
     assert numbers(curated, "excluded") == [2, 4]
     forget_filter(curated, "good")
     assert read_filters(curated.root(curated.resolve("main"))) == {}

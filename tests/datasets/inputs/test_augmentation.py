@@ -11,7 +11,7 @@ def _inputs(batch: int) -> torch.Tensor:
     return torch.rand(batch, 4, 8, 8, generator=torch.Generator().manual_seed(0))
 
 
-def test_the_four_mirrorings_are_those_of_a_rectangle() -> None:
+def test_the_four_flips_are_those_of_a_rectangle() -> None:
     inputs = _inputs(1).expand(FLIPS, -1, -1, -1)
     as_recorded, left_right, top_bottom, both = flipped(inputs, torch.arange(FLIPS))
     torch.testing.assert_close(as_recorded, inputs[0])
@@ -20,7 +20,7 @@ def test_the_four_mirrorings_are_those_of_a_rectangle() -> None:
     torch.testing.assert_close(both, inputs[0].rot90(2, (1, 2)))
 
 
-def test_mirroring_twice_is_nothing() -> None:
+def test_flipping_twice_is_nothing() -> None:
     inputs, which = _inputs(12), torch.arange(12) % FLIPS
     torch.testing.assert_close(flipped(flipped(inputs, which), which), inputs)
 

@@ -16,9 +16,10 @@ from torch.utils.data import DataLoader
 
 from handsight.datasets import GraspDataset, GraspRepository, LoaderStateError, NoTrainingDataError
 from handsight.datasets.curation.curator import Curator
+from handsight.datasets.inputs.augmentation import FLIPS
 from handsight.datasets.inputs.loader import GraspLoader, epoch_order
 from handsight.datasets.inputs.materialize import GraspInputs, grasp_input, materialize
-from handsight.datasets.inputs.torch_dataset import TorchGrasps
+from handsight.datasets.inputs.torch_dataset import FlippedGrasps, TorchGrasps
 from handsight.datasets.reading.selection import Selection
 from handsight.servoing.homography import InputGrid
 from handsight.servoing.planar import PlanarPose
@@ -166,6 +167,55 @@ def test_a_state_of_other_batches_is_refused(inputs: GraspInputs) -> None:
     with pytest.raises(LoaderStateError, match="batch 99"):
         GraspLoader(TorchGrasps(inputs), batch_size=8, seed=5).load_state_dict({**state, "batch": 99})
     assert other.epoch == 0
+
+
+def flipped_names(batches: Any) -> list[list[tuple[int, int]]]:
+    """Which attempt in which flip batches hold, told from a number in a corner; checks that labels belong to them."""
+    found = []
+    for batch, labels in batches:
+        which = batch.flatten(1).max(1).values.to(torch.int64)
+        assert torch.equal(labels, (which % 3 == 0).to(torch.float32))
+        found.append(list(zip(which.tolist(), batch[:, 0].flatten(1).argmax(1).tolist(), strict=True)))
+    return found
+
+
+@pytest.fixture
+def cornered(inputs: GraspInputs, tmp_path: Path) -> GraspInputs:
+    """Inputs that are -1 but for the number of their attempt in the first corner."""
+    pictures = np.full((SIZE, 4, 2, 2), -1, np.float16)
+    pictures[..., 0, 0] = np.arange(SIZE)[:, None]
+    np.save(tmp_path / "cornered.npy", pictures)
+    return GraspInputs(inputs=np.load(tmp_path / "cornered.npy", mmap_mode="r"), attempts=inputs.attempts)
+
+
+def test_flipped_grasps_have_every_attempt_in_all_flips(cornered: GraspInputs) -> None:
+    dataset = FlippedGrasps(cornered)
+    assert len(dataset) == FLIPS * SIZE
+    # The corner goes to the right, to the bottom, and to both.
+    assert flipped_names([dataset[range(20, 24)]]) == [[(5, 0), (5, 1), (5, 2), (5, 3)]]
+    one, label = dataset[22]
+    assert (one.shape, one.dtype, float(label)) == ((4, 2, 2), torch.float16, 0)
+    assert torch.equal(one, dataset[[22]][0][0])
+    assert FlippedGrasps.positions(np.array([5, 2])).tolist() == [20, 21, 22, 23, 8, 9, 10, 11]
+    assert torch.equal(pickle.loads(pickle.dumps(dataset))[[22, 3]][0], dataset[[22, 3]][0])
+
+
+@pytest.mark.parametrize(("workers", "method"), [(1, "spawn"), (2, "forkserver"), (2, "fork")])
+def test_an_epoch_of_flipped_grasps_is_the_same_for_any_workers(
+    cornered: GraspInputs, workers: int, method: Literal["fork", "forkserver", "spawn"]
+) -> None:
+    attempts = np.arange(0, SIZE, 2)
+    rows = FlippedGrasps.positions(attempts)
+    loader = GraspLoader(FlippedGrasps(cornered), batch_size=16, seed=1, rows=rows)
+    several = GraspLoader(
+        FlippedGrasps(cornered), batch_size=16, seed=1, rows=rows, workers=workers, start_method=method
+    )
+    alone = flipped_names(loader)
+    assert flipped_names(several) == alone
+    assert sorted(chain.from_iterable(alone)) == [
+        (attempt, flip) for attempt in attempts.tolist() for flip in range(FLIPS)
+    ]
+    assert flipped_names(loader) != alone
 
 
 @pytest.mark.parametrize("wrong", [{"batch_size": 0}, {"seed": -1}, {"workers": -1}, {"rows": np.array([50])}])

@@ -267,7 +267,7 @@ def test_folds_that_no_longer_fit_and_pictures_in_two_folds_are_found(repository
     Curator(repository, author="anna").exclude(Selection(where="number == 0"), "x")
     stale = doctor(opened(repository))
     assert codes(stale) == ["GD-402"]
-    assert "folds 'cv': 2 of their attempts are excluded" in stale.findings[0].message
+    assert "folds 'cv': they hold 2 attempts excluded" in stale.findings[0].message
 
 
 def test_attempts_that_end_otherwise_when_repeated_are_named(repository: GraspRepository) -> None:

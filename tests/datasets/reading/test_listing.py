@@ -42,7 +42,7 @@ def test_a_limit_takes_the_newest(dataset: GraspDataset, where: str) -> None:
     assert turned.matched == 40
 
 
-def test_view_and_expression_must_both_hold(dataset: GraspDataset) -> None:
+def test_filter_and_expression_must_both_hold(dataset: GraspDataset) -> None:
     table = dataset.attempts
     cups = table[table["target"] == "cup"]
     found = list_attempts(dataset, Listing(filter="cups"))

@@ -135,7 +135,7 @@ def test_a_filter_and_an_expression_must_both_hold(table: pd.DataFrame) -> None:
         select(table, Selection(filter="cupz"), filters)
 
 
-@pytest.mark.parametrize("which", [{}, {"ids": ("a",), "where": "success"}, {"ids": ("a",), "filter": "f"}])
+@pytest.mark.parametrize("which", [{}, {"ids": ("a",), "where": "success"}, {"ids": ("a",), "filter": "v"}])
 def test_a_selection_is_either_ids_or_an_expression(which: dict[str, object]) -> None:
     with pytest.raises(WhereError, match="expected either ids or an expression"):
         Selection(**which)  # type: ignore[arg-type]  # The faults are the point.

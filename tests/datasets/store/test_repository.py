@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
+from typing import Any
 
 import icechunk
 import pytest
@@ -20,6 +22,9 @@ from handsight.datasets import (
     RefNotFoundError,
     SchemaError,
     SessionWriter,
+    StorageError,
+    create_branch,
+    delete_branch,
 )
 from handsight.datasets.format.schema import SCHEMA_VERSION
 from handsight.datasets.store import icechunk_engine
@@ -64,17 +69,17 @@ def test_open_says_what_is_there_instead(tmp_path: Path) -> None:
 def test_a_foreign_icechunk_store_is_no_dataset(tmp_path: Path, rooted: bool) -> None:
     store = icechunk.Repository.create(icechunk_engine.storage_at(tmp_path / "other"))
     if rooted:
-        session = store.writable_session("main")
-        zarr.create_group(session.store)
-        session.commit("somebody else's")
+        transaction = store.writable_session("main")
+        zarr.create_group(transaction.store)
+        transaction.commit("somebody else's")
     with pytest.raises(NotADatasetError):
         GraspRepository.open(tmp_path / "other")
 
 
 def test_a_newer_schema_is_refused(repository: GraspRepository) -> None:
-    session = repository.writable("main")
-    zarr.open_group(session.store, mode="r+").update_attributes({"schema_version": SCHEMA_VERSION + 1})
-    repository.commit(session, branch="main", message="from the future")
+    transaction = repository.writable("main")
+    zarr.open_group(transaction.store, mode="r+").update_attributes({"schema_version": SCHEMA_VERSION + 1})
+    repository.commit(transaction, branch="main", message="from the future")
     newer = f"schema version {SCHEMA_VERSION + 1}, this handsight reads up to {SCHEMA_VERSION}"
     with pytest.raises(SchemaError, match=newer):
         GraspRepository.open(repository.path)
@@ -98,7 +103,70 @@ def test_resolve_prefers_releases_to_branches_to_snapshots(repository: GraspRepo
     assert repository.resolve("main") == empty
 
 
-@pytest.mark.parametrize("ref", ["v9", "0" * 20, "", "handsight.releases"])
+class Spy:
+    """An Icechunk repository that counts what it is asked."""
+
+    def __init__(self, asked: icechunk.Repository) -> None:
+        self.asked = asked
+        self.calls: Counter[str] = Counter()
+
+    def __getattr__(self, name: str) -> Any:
+        method = getattr(self.asked, name)
+
+        def counted(*arguments: Any, **named: Any) -> Any:
+            self.calls[name] += 1
+            return method(*arguments, **named)
+
+        return counted
+
+
+@pytest.fixture
+def spied(repository: GraspRepository, monkeypatch: pytest.MonkeyPatch) -> tuple[GraspRepository, Spy]:
+    """A dataset with 20 releases and 6 branches."""
+    for number in range(20):
+        repository.release(f"v{number}")
+    for number in range(5):
+        create_branch(repository, f"b{number}", "v3")
+    spy = Spy(repository.icechunk_repository)
+    monkeypatch.setattr(repository, "_icechunk", spy)
+    return repository, spy
+
+
+@pytest.mark.parametrize("ref", ["v7", "main", "b4", "snapshot"])
+def test_looking_up_a_ref_asks_for_that_one(spied: tuple[GraspRepository, Spy], ref: str) -> None:
+    repository, spy = spied
+    tip = repository.resolve("main")
+    spy.calls.clear()
+    assert repository.resolve(tip if ref == "snapshot" else ref) == tip
+    assert spy.calls.total() <= 3
+    assert set(spy.calls) <= {"lookup_tag", "lookup_branch", "lookup_snapshot", "list_tags", "list_branches"}
+
+
+def test_each_ref_is_looked_up_once_for_the_log_or_for_several(spied: tuple[GraspRepository, Spy]) -> None:
+    repository, spy = spied
+    spy.calls.clear()
+    assert len(repository.log()[0].refs) == 26
+    assert spy.calls["lookup_tag"] + spy.calls["lookup_branch"] <= 2 + 26
+    spy.calls.clear()
+    delete_branch(repository, "b2")
+    assert spy.calls["lookup_tag"] + spy.calls["lookup_branch"] <= 3 * 26
+    assert spy.calls["delete_branch"] == 1
+
+
+def test_a_ref_that_cannot_be_read_is_not_taken_for_one_that_is_missing(
+    spied: tuple[GraspRepository, Spy], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def unreachable(name: str) -> str:
+        raise icechunk.IcechunkError("object store error")
+
+    repository, spy = spied
+    monkeypatch.setattr(spy, "lookup_tag", unreachable, raising=False)
+    with pytest.raises(StorageError, match=r"cannot look up 'v7' in .*: object store error"):
+        repository.resolve("v7")
+    assert repository.resolve("main") == repository.branches()["main"]
+
+
+@pytest.mark.parametrize("ref", ["v9", "0" * 20, "", "handsight.releases", "a/b", "x" * 300])
 def test_an_unknown_ref_lists_the_known(repository: GraspRepository, ref: str) -> None:
     repository.release("v1")
     with pytest.raises(RefNotFoundError, match="releases: v1; branches: main"):

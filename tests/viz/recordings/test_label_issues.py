@@ -1,4 +1,4 @@
-"""Recorded suspects, read back: the grasp lies where it was attempted, the text says what was recorded."""
+"""Recorded label issues, read back: the grasp lies where it was attempted, the text says what was recorded."""
 
 from __future__ import annotations
 
@@ -27,22 +27,34 @@ ENTITIES = {
     "/picture/text",
     "/input/rgb",
     "/input/height",
-    "/text/suspect",
+    "/text/issue",
 }
 
 
 @pytest.fixture(scope="module")
-def suspects(trial: TrialRecording) -> list[LabelIssueExample]:
-    """Two attempts on the pictures of a servo run: a doubted success without truth, a doubted failure with it."""
+def issues(trial: TrialRecording) -> list[LabelIssueExample]:
+    """Two attempts on the pictures of a servo run: an unlikely success without truth, an unlikely failure with it."""
     views = [trial.trace.steps[index].view for index in (0, -1)]
     inputs = [trial.trace.steps[index].inputs.numpy(force=True).astype(np.float16) for index in (0, -1)]
     facts: list[dict[str, Any]] = [
-        {"success": True, "predicted_success": 0.03, "doubt": 0.97, "truth_held": None, "truth_disagrees": None},
-        {"success": False, "predicted_success": 0.91, "doubt": 0.91, "truth_held": True, "truth_disagrees": True},
+        {
+            "success": True,
+            "predicted_success": 0.03,
+            "label_quality": 0.03,
+            "truth_held": None,
+            "truth_disagrees": None,
+        },
+        {
+            "success": False,
+            "predicted_success": 0.91,
+            "label_quality": 0.09,
+            "truth_held": True,
+            "truth_disagrees": True,
+        },
     ]
     return [
         LabelIssueExample(
-            suspect=LabelIssue(
+            issue=LabelIssue(
                 attempt=f"01M82D0ES98VNXTNKDRF7H092G-{number:06d}", target="blocks-train/003", **facts[number]
             ),
             view=views[number],
@@ -58,9 +70,9 @@ def suspects(trial: TrialRecording) -> list[LabelIssueExample]:
 
 
 @pytest.fixture(scope="module")
-def path(suspects: list[LabelIssueExample], tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("suspects") / "suspects.rrd"
-    write_label_issues(path, suspects)
+def path(issues: list[LabelIssueExample], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("issues") / "issues.rrd"
+    write_label_issues(path, issues)
     return path
 
 
@@ -69,7 +81,7 @@ def content(path: Path) -> Content:
     return read_recording(path, timeline=TIMELINE)
 
 
-def test_every_entity_is_there_for_every_suspect(content: Content) -> None:
+def test_every_entity_is_there_for_every_issue(content: Content) -> None:
     for entity in ENTITIES:
         for rows in content[entity].values():
             assert [time for time, _ in rows] == [0, 1]
@@ -80,8 +92,8 @@ def test_rerun_finds_nothing_wrong_with_the_file(path: Path) -> None:
     assert result.returncode == 0, result.stdout + result.stderr
 
 
-def test_the_jaws_lie_where_the_grasp_was_attempted(content: Content, suspects: list[LabelIssueExample]) -> None:
-    for k, example in enumerate(suspects):
+def test_the_jaws_lie_where_the_grasp_was_attempted(content: Content, issues: list[LabelIssueExample]) -> None:
+    for k, example in enumerate(issues):
         camera, plane_m = example.view.camera, example.view.plane_m
         dx_m, dy_m, angle_rad = example.grasp
         x_m, y_m = dx_m - camera.x_tool_camera_m, dy_m - camera.y_tool_camera_m
@@ -105,8 +117,8 @@ def test_the_jaws_have_the_colour_of_the_label(content: Content) -> None:
         assert packed >> 8 == red << 16 | green << 8 | blue
 
 
-def test_pictures_come_back(content: Content, suspects: list[LabelIssueExample]) -> None:
-    for k, example in enumerate(suspects):
+def test_pictures_come_back(content: Content, issues: list[LabelIssueExample]) -> None:
+    for k, example in enumerate(issues):
         rgb = decode(at(content["/picture/rgb"]["EncodedImage:blob"], k)[0])
         assert np.abs(rgb.astype(int) - example.view.rgb).mean() < 3
         depth_mm = decode(at(content["/picture/depth"]["EncodedDepthImage:blob"], k)[0])
@@ -117,37 +129,44 @@ def test_pictures_come_back(content: Content, suspects: list[LabelIssueExample])
         np.testing.assert_allclose(height_m, np.maximum(-example.inputs[3].astype(np.float32), 0).ravel())
 
 
-def test_the_text_says_what_was_recorded_and_what_to_type(content: Content, suspects: list[LabelIssueExample]) -> None:
-    first, second = (at(content["/text/suspect"]["TextDocument:text"], k)[0] for k in range(2))
-    assert first.startswith(f"## 1 of 2 · {suspects[0].suspect.attempt}\n")
-    for part in ("**success**", "| 0.030 |", "| 0.970 |", "blocks-train/003", "85.0 → 21.3 → 21.3 → — mm", "2.0 mm"):
+def test_the_text_says_what_was_recorded_and_what_to_type(content: Content, issues: list[LabelIssueExample]) -> None:
+    first, second = (at(content["/text/issue"]["TextDocument:text"], k)[0] for k in range(2))
+    assert first.startswith(f"## 1 of 2 · {issues[0].issue.attempt}\n")
+    for part in (
+        "**success**",
+        "| predicted success S | 0.030 |",
+        "| label quality | 0.030 |",
+        "blocks-train/003",
+        "85.0 → 21.3 → 21.3 → — mm",
+        "2.0 mm",
+    ):
         assert part in first
     assert "simulator" not in first
     assert "| simulator | object held, disagrees with the label |" in second
-    for text, example in zip((first, second), suspects, strict=True):
+    for text, example in zip((first, second), issues, strict=True):
         for command in example.commands:
             assert f"```\n{command}\n```" in text
 
 
-def test_the_overview_lists_them_all_at_every_time(content: Content, suspects: list[LabelIssueExample]) -> None:
+def test_the_overview_lists_them_all_at_every_time(content: Content, issues: list[LabelIssueExample]) -> None:
     ((time, (text,)),) = content["/text/all"]["TextDocument:text"]
     assert time is None
     rows = text.splitlines()[2:]
-    assert [example.suspect.attempt in row for example, row in zip(suspects, rows, strict=True)] == [True, True]
+    assert [example.issue.attempt in row for example, row in zip(issues, rows, strict=True)] == [True, True]
     assert "disagrees" in rows[1]
 
 
-def test_grasps_beside_the_picture_are_shown_and_others_leave_it_whole(suspects: list[LabelIssueExample]) -> None:
+def test_grasps_beside_the_picture_are_shown_and_others_leave_it_whole(issues: list[LabelIssueExample]) -> None:
     def ranges(examples: list[LabelIssueExample]) -> tuple[list[float], list[float]]:
         shown = shown_bounds(examples).range
         assert shown is not None
         (bounds,) = shown.as_arrow_array().to_pylist()
         return bounds["x_range"], bounds["y_range"]
 
-    k = suspects[0].view.camera.intrinsics
-    assert ranges(suspects) == ([0, k.width], [0, k.height])
-    beside = dataclasses.replace(suspects[0], grasp=(0.0, 0.25, 0.0))
-    (left, right), (top, bottom) = ranges([suspects[1], beside])
+    k = issues[0].view.camera.intrinsics
+    assert ranges(issues) == ([0, k.width], [0, k.height])
+    beside = dataclasses.replace(issues[0], grasp=(0.0, 0.25, 0.0))
+    (left, right), (top, bottom) = ranges([issues[1], beside])
     assert (left, right, top) == (0, k.width, 0)
     frame = PictureFrame(camera=beside.view.camera, plane_m=beside.view.plane_m)
     lowest_px = max(strip[:, 1].max() for strip in frame.jaws(beside.grasp, beside.jaws_m))
@@ -155,18 +174,18 @@ def test_grasps_beside_the_picture_are_shown_and_others_leave_it_whole(suspects:
     assert lowest_px < bottom < lowest_px + 40
 
 
-def test_faults_are_reported_together_and_nothing_is_written(suspects: list[LabelIssueExample], tmp_path: Path) -> None:
-    with pytest.raises(RecordingError, match="no suspects"):
+def test_faults_are_reported_together_and_nothing_is_written(issues: list[LabelIssueExample], tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match="no label issues"):
         write_label_issues(tmp_path / "none.rrd", [])
-    flat, three = (dataclasses.replace(suspects[0], inputs=suspects[0].inputs[part]) for part in (0, slice(3)))
+    flat, three = (dataclasses.replace(issues[0], inputs=issues[0].inputs[part]) for part in (0, slice(3)))
     with pytest.raises(RecordingError, match=r"\(64, 64\), expected.*\(3, 64, 64\), expected"):
         write_label_issues(tmp_path / "bad.rrd", [flat, three])
     assert list(tmp_path.iterdir()) == []
     with pytest.raises(RecordingError, match="expected a file name in an existing folder"):
-        write_label_issues(tmp_path / "none" / "x.rrd", suspects)
+        write_label_issues(tmp_path / "none" / "x.rrd", issues)
 
 
-def test_every_suspect_draws(path: Path, tmp_path: Path) -> None:
+def test_every_issue_draws(path: Path, tmp_path: Path) -> None:
     shots = {0: tmp_path / "first.png", 1: tmp_path / "second.png"}
     try:
         save_screenshots(path, shots, timeline=TIMELINE)

@@ -1,4 +1,4 @@
-"""Blocks of attempts on their way into the arrays of a session."""
+"""Batches of attempts on their way into the arrays of a session."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from handsight.datasets.format.arrays import (
     array_at,
     group_at,
     layouts_of,
+    read_all,
     read_rows,
     truncate_and_append,
     truncate_and_append_chunks,
@@ -68,7 +69,7 @@ def prepare(attempt: GraspAttempt, header: SessionHeader, *, session: str, numbe
     if faults:
         raise RecordError(f"attempt {attempt.number} of session {session} is refused: {'; '.join(faults)}")
     row = to_row(attempt, widths=column_widths(header))
-    row["digest"] = np.frombuffer(attempt_digest(attempt, header.station), dtype=np.uint8)
+    row["digest"] = np.frombuffer(attempt_digest(attempt, header.station, row=row), dtype=np.uint8)
     frames = {viewpoint: frame_of(attempt, viewpoint) for viewpoint in VIEWPOINTS}
     columns = {f"attempts/{name}": value for name, value in row.items()}
     poses = {f"{viewpoint}/pose_base_tool": _pose(frame) for viewpoint, frame in frames.items()}
@@ -101,8 +102,8 @@ def column_writes(
         array = arrays[path]
         start = chunk_start(stored, array.chunks[0])
         # Whole chunks from memory: a partial write would first read the last chunk back, at twice the time.
-        block = [row[path] for row in rows]
-        whole = np.concatenate([last_chunks[path], block]) if stored > start else np.stack(block)
+        batch = [row[path] for row in rows]
+        whole = np.concatenate([last_chunks[path], batch]) if stored > start else np.stack(batch)
         writes.append(truncate_and_append(array, start, whole))
         finished[path] = whole[chunk_start(stop, array.chunks[0]) - start :]
     return writes, finished
@@ -134,7 +135,7 @@ def rechunk_columns(group: zarr.Group, rows: int) -> None:
         old = array_at(group, path)
         if old.chunks[0] == rows:
             continue
-        values = read_rows(old, 0, old.shape[0])
+        values = read_all(old)
         folder, _, name = path.rpartition("/")
         parent, attributes, fill = group_at(group, folder), old.attrs.asdict(), old.fill_value
         del parent[name]

@@ -1,0 +1,76 @@
+"""Files and folders that are there whole or not at all: written under another name beside their own, then renamed.
+
+What a killed process was writing stays behind under a name that begins with a dot and is never read.
+"""
+
+from __future__ import annotations
+
+import os
+import secrets
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+
+@contextmanager
+def atomic_file(path: Path, *, durable: bool = False) -> Iterator[Path]:
+    """A path beside ``path`` for the block to write a file to, which replaces ``path`` at the end.
+
+    The name is of this call alone and ends as that of ``path`` does, for writers that go by it. When the block fails,
+    nothing is left behind and ``path`` is as it was.
+
+    Args:
+        path: The file to be; its folder exists.
+        durable: Whether a power cut at any moment leaves the old content or the new one, the latter once this is done.
+            Without it a power cut soon after may leave an empty file.
+
+    Raises:
+        OSError: The file cannot be renamed or synced.
+    """
+    unfinished = path.with_name(f".{path.stem}.unfinished-{secrets.token_hex(4)}{path.suffix}")
+    try:
+        yield unfinished
+        if durable:
+            sync(unfinished)
+        unfinished.replace(path)
+        if durable:
+            sync(path.parent)
+    finally:
+        unfinished.unlink(missing_ok=True)
+
+
+@contextmanager
+def atomic_folder(path: Path, *, beside: Path | None = None, durable: bool = False) -> Iterator[Path]:
+    """A path for the block to make a folder at, which becomes ``path`` at the end, unless something is there by then.
+
+    An empty folder at ``path`` is replaced. When the block fails, nothing is left behind. A file may be made as well,
+    which would replace another.
+
+    Args:
+        path: The folder to be.
+        beside: Existing folder of the same file system in which it is made; that of ``path`` unless another is given.
+        durable: Whether the names in the folder, and its own, have reached the disk once this is done. What lies in its
+            files and in the folders below is for the block to sync.
+
+    Raises:
+        OSError: The folder cannot be renamed or synced, for instance because somebody else was first.
+    """
+    parent = path.parent if beside is None else beside
+    with tempfile.TemporaryDirectory(prefix=f".{path.name}.unfinished-", dir=parent) as temporary:
+        unfinished = Path(temporary) / path.name
+        yield unfinished
+        if durable:
+            sync(unfinished)
+        unfinished.rename(path)
+        if durable:
+            sync(path.parent)
+
+
+def sync(path: Path) -> None:
+    """Wait until a file's content, or the names in a folder, are on the disk."""
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
