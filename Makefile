@@ -8,15 +8,18 @@ PYTHON ?= python3.11
 # TORCH_INDEX=<PyTorch's index of CPU wheels> avoids that.
 TORCH_INDEX ?=
 ARGS ?=
+# Files of tests are handed to so many processes: most tests wait for a disk, a server or a child. 0 is one, for pdb.
+PROCESSES ?= 2
 
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
+PYTEST := '$(BIN)/pytest' --numprocesses $(PROCESSES) --dist loadfile
 
 # The repository's root must never be on sys.path: its folder `datasets` would shadow a well-known package.
 export PYTHONSAFEPATH := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help venv demo test lint format bench docs clean
+.PHONY: help venv demo test coverage lint format bench docs clean
 
 help:  ## List the targets
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1|\2/p' $(MAKEFILE_LIST) | column -t -s '|'
@@ -40,7 +43,12 @@ demo: venv  ## Collect, train, servo and show: results in demo/
 	'$(BIN)/handsight' demo --out demo $(ARGS)
 
 test: venv  ## Run the tests
-	'$(BIN)/pytest' $(ARGS)
+	$(PYTEST) $(ARGS)
+
+coverage: venv  ## Run the tests and print how much of each room they ran
+	rm -f build/coverage.json
+	$(PYTEST) --cov --cov-report=json:build/coverage.json $(ARGS); status=$$?; \
+	    '$(BIN)/python' .ci/coverage_by_room.py build/coverage.json && exit $$status
 
 lint: venv  ## Check style, types and the direction of imports
 	'$(BIN)/ruff' check .
@@ -57,8 +65,8 @@ bench: venv  ## Run every benchmark
 	'$(BIN)/python' -m benchmarks all $(ARGS)
 
 docs: venv  ## Check links, commands and targets quoted in the documents
-	'$(BIN)/pytest' tests/test_docs.py $(ARGS)
+	'$(BIN)/pytest' tests/layout/test_docs.py $(ARGS)
 
 clean:  ## Remove caches and builds; the environment and demo/ stay
-	rm -rf build dist .hypothesis .import_linter_cache .mypy_cache .pytest_cache .ruff_cache
+	rm -rf .coverage build dist .hypothesis .import_linter_cache .mypy_cache .pytest_cache .ruff_cache
 	find . -path './$(VENV)' -prune -o -name __pycache__ -type d -print0 | xargs -0 rm -rf

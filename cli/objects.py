@@ -14,7 +14,7 @@ from rich.markup import escape
 from handsight.cli.options import Json
 from handsight.cli.output import console, errors, print_json, print_table, progress_bar
 from handsight.collection.errors import MeshImportError
-from handsight.collection.sim.objects import list_object_sets
+from handsight.collection.sim.objects.catalogue import list_object_sets
 from handsight.datasets.errors import counted
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ DatasetError
 ├── RefNotFoundError (LookupError)             no release, branch or snapshot of that name
 ├── RefNameError (ValueError)                  a name that a release cannot take
 ├── AttemptNotFoundError (LookupError)         no such attempt in this version of the dataset
-├── FrameNotFoundError (LookupError)        the attempt exists, the picture was never taken
+├── FrameNotFoundError (LookupError)           the attempt exists, the picture was never taken
 ├── SessionNotFoundError (LookupError)         no such session in this version of the dataset
 ├── SessionConflictError (ValueError)          a session that exists already, or that another process continued
 ├── HeaderError (ValueError)                   a session header that cannot be recorded

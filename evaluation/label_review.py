@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from handsight.datasets.address import DEFAULT_REF
 from handsight.datasets.curation.folds import UNKNOWN_GROUP, assign_folds, attempt_groups, read_folds
-from handsight.datasets.errors import DatasetError
+from handsight.datasets.errors import DatasetError, counted
 from handsight.datasets.format.schema import Viewpoint
 from handsight.datasets.inputs.materialize import usable_attempts
 from handsight.datasets.reading.reader import GraspDataset
@@ -84,7 +84,8 @@ def collect_faults(
 def _listed(attempts: pd.DataFrame, where: str) -> NDArray[np.bool_]:
     listed = matches(attempts, where).to_numpy(dtype=bool) if where else np.ones(len(attempts), bool)
     if not listed.any():
-        raise LabelIssuesError(f"--where {where!r} holds for none of {len(attempts)} labelled attempts: loosen it")
+        what = counted(len(attempts), "labelled attempt")
+        raise LabelIssuesError(f"--where {where!r} holds for none of {what}: loosen it")
     return listed
 
 

@@ -112,7 +112,7 @@ def _check_labels(labels: NDArray[np.float32]) -> None:
     positives = int(labels.sum())
     if positives in (0, len(labels)):
         raise TrainingDataError(
-            f"{positives} of {counted(len(labels), 'attempt')} are successes, expected some of both: collect more attempts"
+            f"{positives} of {counted(len(labels), 'attempt')} are successes, expected some of both: collect more"
         )
 
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from handsight.cli.errors import CommandError
 from handsight.collection.sim.config import RANDOMIZED, SimConfig
-from handsight.collection.sim.objects import load_object_set, objects_per_scene
+from handsight.collection.sim.objects.catalogue import load_object_set, objects_per_scene
 from handsight.collection.sim.station import SimStationFactory, check_object_count
 
 EVERYTHING = "all"

@@ -16,7 +16,8 @@ import numpy as np
 from handsight.collection.errors import StationSettingsError
 from handsight.collection.sim.camera import render_objects
 from handsight.collection.sim.config import SimConfig
-from handsight.collection.sim.objects import ObjectModel, load_object_set
+from handsight.collection.sim.objects.catalogue import load_object_set
+from handsight.collection.sim.objects.model import ObjectModel
 from handsight.collection.sim.renderer import EGL, TINY, EmptyClients, Renderer, check_available
 from handsight.servoing.planar import PlanarPose
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from handsight.collection.errors import PhaseAbortedError
 from handsight.collection.sim.bullet import BulletClient, pybullet
 from handsight.collection.sim.config import DROP_SPACING_M, SimConfig
-from handsight.collection.sim.objects import ObjectModel
+from handsight.collection.sim.objects.model import ObjectModel
 from handsight.collection.sim.randomization import Randomization, Tint
 
 PLACEMENT_TRIES = 20

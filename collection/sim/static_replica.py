@@ -15,7 +15,7 @@ from handsight.collection.sim.arm_model import ARM_JOINTS, FINGER_JOINTS, tempor
 from handsight.collection.sim.bullet import BulletClient, connect, pybullet
 from handsight.collection.sim.config import SimConfig
 from handsight.collection.sim.kinematics import REFERENCE_RAD, joints_for
-from handsight.collection.sim.objects import load_object_set
+from handsight.collection.sim.objects.catalogue import load_object_set
 from handsight.collection.sim.table import TABLE_CENTRE_M, TABLE_HALF_SIZE_M, WOOD_RGB
 from handsight.datasets.records import SceneObjects
 

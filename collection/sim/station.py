@@ -18,7 +18,8 @@ from handsight.collection.sim.arm import Arm
 from handsight.collection.sim.arm_model import temporary_arm_urdf
 from handsight.collection.sim.camera import DAYLIGHT, render
 from handsight.collection.sim.config import SimConfig
-from handsight.collection.sim.objects import ObjectModel, load_object_set
+from handsight.collection.sim.objects.catalogue import load_object_set
+from handsight.collection.sim.objects.model import ObjectModel
 from handsight.collection.sim.randomization import Randomization, condition_names
 from handsight.collection.sim.renderer import EmptyClients, renderer_named
 from handsight.collection.sim.scene import Scene

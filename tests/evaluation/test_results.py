@@ -6,8 +6,6 @@ from handsight.evaluation.errors import EvaluationSettingsError
 from handsight.evaluation.evaluate import EvaluationSettings
 from handsight.evaluation.results import result_rows, wilson_95
 from handsight.evaluation.trial import Trial
-from handsight.servoing.errors import UnknownMethodError
-from handsight.servoing.methods.registry import METHODS, check_methods
 
 
 def trial(method: str, success: bool, moves: int = 0, compute_s: float = float("nan")) -> Trial:
@@ -40,16 +38,6 @@ def test_rows_summarise_each_method() -> None:
     assert (cem["successes"], cem["mean_steps"]) == (2, 3.0)
     assert cem["step_ms"] == pytest.approx(20.0)
     assert cem["ci95"] == wilson_95(2, 2)
-
-
-def test_methods_are_checked_all_at_once() -> None:
-    assert check_methods(["cem-1", "random", "cem-1"]) == ("cem-1", "random")
-    with pytest.raises(UnknownMethodError) as caught:
-        check_methods(["newton", "random", "luck"])
-    for part in ("'luck'", "'newton'", *METHODS):
-        assert part in str(caught.value)
-    with pytest.raises(UnknownMethodError, match="no servo method given"):
-        check_methods([])
 
 
 def test_bad_settings_report_every_fault() -> None:

@@ -18,10 +18,11 @@ SKIPPED_FILE = "import pytest\npytest.skip('no such device', allow_module_level=
 EXPECTED_FAILURE = "import pytest\n@pytest.mark.xfail(reason='known')\ndef test_it(): raise ValueError\n"
 
 
-def run_pytest(folder: Path, source: str, *, ci: str) -> subprocess.CompletedProcess[str]:
+def run_pytest(folder: Path, source: str, *, ci: str, processes: int = 0) -> subprocess.CompletedProcess[str]:
     shutil.copy(TESTS / "conftest.py", folder)
     (folder / "test_case.py").write_text(source)
     command = [sys.executable, "-m", "pytest", "--import-mode=importlib", "-p", "no:cacheprovider", "-rs", str(folder)]
+    command += ["--numprocesses", str(processes)]
     environment = os.environ | {"CI": ci, "PYTHONSAFEPATH": "1"}
     return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
 
@@ -32,6 +33,14 @@ def test_a_skip_fails_in_ci_and_gives_its_reason(tmp_path: Path, source: str) ->
     assert run.returncode not in (0, 5), run.stdout
     assert "nothing may be skipped" in run.stdout
     assert "no such device" in run.stdout
+
+
+def test_a_skip_fails_on_several_processes_too(tmp_path: Path) -> None:
+    run = run_pytest(tmp_path, SKIPPED_WHEN_RUN, ci="true", processes=2)
+    assert run.returncode == pytest.ExitCode.TESTS_FAILED, run.stdout
+    assert "nothing may be skipped" in run.stdout
+    assert "no such device" in run.stdout
+    assert "1 failed in" in run.stdout.splitlines()[-1]
 
 
 def test_a_skip_is_only_a_skip_elsewhere(tmp_path: Path) -> None:
@@ -49,7 +58,7 @@ def test_an_expected_failure_is_no_skip(tmp_path: Path) -> None:
 def test_the_root_on_the_import_path_is_refused() -> None:
     root = TESTS.parent
     environment = {name: value for name, value in os.environ.items() if name != "PYTHONSAFEPATH"}
-    command = [sys.executable, "-m", "pytest", "--collect-only", "-q", "tests/test_ci_skips.py"]
+    command = [sys.executable, "-m", "pytest", "--collect-only", "-q", "tests/layout/test_ci_skips.py"]
     run = subprocess.run(command, cwd=root, env=environment, capture_output=True, text=True, check=False)
     assert run.returncode == pytest.ExitCode.USAGE_ERROR
     assert "make test" in run.stderr

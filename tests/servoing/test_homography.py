@@ -1,16 +1,25 @@
-"""Laws that the affine maps obey, whatever the camera."""
+"""Laws that the affine maps obey, and warped pictures against what PyBullet's camera sees after the move."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
+import numpy as np
 import pytest
 import torch
-from hypothesis import given
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
+from tests.support.alignment import FULL, INNER, SKEWED, look, shift_px, write_textured_square
 from torch import Tensor
 
+from handsight.collection.sim.bullet import BulletClient, connect
+from handsight.collection.sim.bullet import pybullet as pb
+from handsight.collection.sim.config import D435_ON_GRIPPER
 from handsight.servoing.camera import HandCamera, Intrinsics
 from handsight.servoing.errors import CameraModelError, ServoSettingsError
-from handsight.servoing.homography import InputGrid, raw_from_input
+from handsight.servoing.homography import InputGrid, predict_inputs, raw_from_input
+from handsight.servoing.planar import PlanarPose, PlanarStep
 
 cameras = st.builds(
     HandCamera,
@@ -87,3 +96,71 @@ def test_impossible_intrinsics_report_every_fault() -> None:
         Intrinsics(width=0, height=480, fx=-1.0, fy=600.0, cx=float("nan"), cy=0.0)
     for part in ("0x480", "(-1.0, 600.0)", "principal point"):
         assert part in str(caught.value)
+
+
+@pytest.fixture(scope="module")
+def textured_plane(tmp_path_factory: pytest.TempPathFactory) -> Iterator[BulletClient]:
+    """A PyBullet world that holds nothing but a plane at z = 0 with a smooth random texture."""
+    bullet = connect()
+    square = write_textured_square(tmp_path_factory.mktemp("plane"))
+    bullet.createMultiBody(0, -1, bullet.createVisualShape(pb.GEOM_MESH, fileName=str(square)), (0.6, 0.0, 0.0))
+    yield bullet
+    bullet.disconnect()
+
+
+def _gray(inputs: torch.Tensor) -> NDArray[np.float32]:
+    gray: NDArray[np.float32] = inputs[0, :3].mean(0).numpy()
+    return gray
+
+
+NO_STEP = torch.zeros(1, 3)
+
+
+@pytest.mark.parametrize("camera", [D435_ON_GRIPPER, SKEWED], ids=["d435", "skewed"])
+@settings(max_examples=12, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    dx_m=st.floats(-0.04, 0.04),
+    dy_m=st.floats(-0.04, 0.04),
+    dangle_rad=st.floats(-0.5, 0.5),
+    angle_rad=st.floats(-1.5, 1.5),
+)
+def test_prediction_matches_the_view_after_the_move(
+    textured_plane: BulletClient, camera: HandCamera, dx_m: float, dy_m: float, dangle_rad: float, angle_rad: float
+) -> None:
+    before = PlanarPose(x_m=0.62, y_m=0.01, angle_rad=angle_rad)
+    after = before.after(PlanarStep(dx_m=dx_m, dy_m=dy_m, dangle_rad=dangle_rad))
+    predicted = predict_inputs(
+        look(textured_plane, camera, before), torch.tensor([[dx_m, dy_m, dangle_rad]]), grid=FULL
+    )
+    seen = predict_inputs(look(textured_plane, camera, after), NO_STEP, grid=FULL)
+    a, b = _gray(predicted)[INNER, INNER], _gray(seen)[INNER, INNER]
+    assert shift_px(a, b) < 0.05
+    assert np.abs(a - b).mean() < 0.01
+
+
+def test_prediction_across_heights(textured_plane: BulletClient) -> None:
+    """An overhead picture predicts the pre-grasp view: the same affine map with another scale."""
+    overhead, pregrasp = PlanarPose(x_m=0.6, y_m=0, angle_rad=0), PlanarPose(x_m=0.63, y_m=0.02, angle_rad=0.7)
+    step = overhead.step_to(pregrasp)
+    far = look(textured_plane, SKEWED, overhead, height_m=0.5)
+    near = look(textured_plane, SKEWED, pregrasp)
+    steps = torch.tensor([[step.dx_m, step.dy_m, step.dangle_rad]])
+    predicted = predict_inputs(far, steps, grid=FULL, view_plane_m=far.plane_m - 0.1)
+    a, b = _gray(predicted)[75:225, 75:225], _gray(predict_inputs(near, NO_STEP, grid=FULL))[75:225, 75:225]
+    assert shift_px(a, b) < 0.05
+
+
+def test_the_middle_of_the_input_is_the_grasp_point(textured_plane: BulletClient) -> None:
+    """A small ball on the table under the fingertips appears in the centre of the network's input."""
+    pose = PlanarPose(x_m=0.6, y_m=0.05, angle_rad=0.4)
+    shape = textured_plane.createVisualShape(pb.GEOM_SPHERE, radius=0.006, rgbaColor=(1, 0, 0, 1))
+    ball = textured_plane.createMultiBody(0, -1, shape, (pose.x_m, pose.y_m, 0.0))
+    try:
+        view = look(textured_plane, SKEWED, pose)
+    finally:
+        textured_plane.removeBody(ball)
+    height_m = -predict_inputs(view, NO_STEP, grid=FULL)[0, 3].numpy()
+    rows, columns = np.nonzero(height_m > 0.002)
+    middle = 0.5 * (FULL.size_px - 1)
+    assert abs(columns.mean() - middle) < 0.5
+    assert abs(rows.mean() - middle) < 0.5

@@ -2,16 +2,5 @@
 
 Sets that come with handsight: ``blocks-train`` and ``blocks-test``, the procedural shapes of PyBullet, and
 ``household-train`` and ``household-test``, household objects generated on this machine. Any folder of meshes becomes
-a set with :func:`~.meshes.importer.import_folder`. Every set loads through :func:`load_object_set`.
+a set with :func:`~.meshes.importer.import_folder`. Every set loads through :func:`~.catalogue.load_object_set`.
 """
-
-from handsight.collection.sim.objects.catalogue import (
-    OBJECT_SETS,
-    ObjectSetInfo,
-    list_object_sets,
-    load_object_set,
-    objects_per_scene,
-)
-from handsight.collection.sim.objects.model import ObjectModel
-
-__all__ = ["OBJECT_SETS", "ObjectModel", "ObjectSetInfo", "list_object_sets", "load_object_set", "objects_per_scene"]

@@ -6,12 +6,8 @@ import subprocess
 import sys
 from pathlib import Path
 
-import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from tests.support.factories import difference, make_attempt, make_header, record
-from ulid import ULID
 
 from handsight.datasets import (
     AttemptNotFoundError,
@@ -20,17 +16,12 @@ from handsight.datasets import (
     GraspDataset,
     GraspRepository,
     Outcome,
-    RefNameError,
     RefNotFoundError,
     Selection,
     UnknownNameError,
     WhereError,
 )
-from handsight.datasets.curation.saved_filters import forget_filter, save_filter
 from handsight.datasets.format.decisions import Action, Overlay
-from handsight.datasets.format.keys import ids_from_keys, keys_from_ids
-from handsight.datasets.format.saved_filters import read_filters
-from handsight.datasets.format.schema import attempt_id
 
 HEADER = make_header()
 SUCCESSES = Selection(where="success")
@@ -234,44 +225,3 @@ def test_processes_that_curate_at_once_lose_nothing(repository: GraspRepository)
         own = [one.reason for one in decisions if one.author == str(seed)]
         assert own == [f"try {number}" for number in range(3) for _ in range(2)]
     assert opened(repository).info().excluded == 0
-
-
-@given(
-    ids=st.lists(
-        st.tuples(st.integers(0, 2**128 - 1), st.integers(0, 10**9)).map(
-            lambda pair: attempt_id(str(_ulid(pair[0])), pair[1])
-        )
-    )
-)
-def test_keys_name_attempts_both_ways(ids: list[str]) -> None:
-    keys = keys_from_ids(ids)
-    assert keys.dtype == np.dtype(np.uint8)
-    assert keys.shape == (len(ids), 24)
-    assert ids_from_keys(keys) == ids
-
-
-def _ulid(value: int) -> ULID:
-    return ULID(value.to_bytes(16, "big"))
-
-
-def test_saved_filters_are_kept_checked_and_forgotten(curated: GraspRepository) -> None:
-    assert save_filter(curated, "good", "success and not excluded", author="anna") == 3
-    tip = curated.resolve("main")
-    assert save_filter(curated, "good", "success and not excluded", author="ben") == 3
-    assert curated.resolve("main") == tip
-    with pytest.raises(RefNameError, match="there is a filter 'good' already"):
-        save_filter(curated, "good", "success", author="anna")
-    with pytest.raises(RefNameError, match="filter name is 'a b'"):
-        save_filter(curated, "a b", "success", author="anna")
-    with pytest.raises(WhereError, match="no column 'sucess'"):
-        save_filter(curated, "typo", "sucess", author="anna")
-    assert curated.resolve("main") == tip
-    save_filter(curated, "good", "success", author="anna", replace=True)
-    assert read_filters(curated.root(curated.resolve("main"))) == {"good": "success"}
-    Curator(curated, author="anna").exclude(Selection(filter="good", where="number > 0"), "by filter")
-    assert numbers(curated, "excluded") == [2, 4]
-    forget_filter(curated, "good")
-    assert read_filters(curated.root(curated.resolve("main"))) == {}
-    assert read_filters(curated.root(tip)) == {"good": "success and not excluded"}
-    with pytest.raises(UnknownNameError, match="no saved filter 'good'"):
-        forget_filter(curated, "good")

@@ -16,18 +16,14 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 from numpy.typing import NDArray
 from tests.support.factories import make_attempt, make_header, record
-from zarr.codecs import Crc32cCodec, TransposeCodec
+from zarr.codecs import Crc32cCodec
 
 from handsight.datasets import GraspDataset, GraspRepository, Outcome, SessionWriter
 from handsight.datasets.format import schema
-from handsight.datasets.format.arrays import PIXELS, read_rows
 from handsight.datasets.format.schema import create_depth, create_rgb
 from handsight.datasets.integrity.verify import verify
 
 SIDES = st.integers(1, 9)
-
-TRANSPOSED = (TransposeCodec(order=(0, 1, 3, 2)),)
-
 READER = """
 import hashlib, sys
 import icechunk, zarr
@@ -86,21 +82,6 @@ def test_icechunk_and_zarr_read_a_dataset_without_handsight(tmp_path: Path) -> N
     printed = subprocess.run(command, capture_output=True, text=True, check=True, cwd=tmp_path).stdout
     # Icechunk warns on the same stream that folders are not for production.
     assert printed.splitlines()[-1].split() == [expected, "False"]
-
-
-@given(st.data(), SIDES, SIDES)
-def test_pictures_are_read_alike_with_and_without_the_copy_by_colour(
-    data: st.DataObject, height: int, width: int
-) -> None:
-    rgb = data.draw(arrays.arrays(np.uint8, (3, height, width, 3)))
-    array = zarr.create_array(zarr.storage.MemoryStore(), data=rgb, chunks=(1, height, width, 3), filters=TRANSPOSED)
-    first = data.draw(st.integers(0, 2))
-    rows = read_rows(array, first, 3)
-    assert rows.dtype == rgb.dtype
-    np.testing.assert_array_equal(rows, rgb[first:])
-    np.testing.assert_array_equal(rows, array[first:])
-    chosen = array.get_orthogonal_selection((np.array([0, 2]),), prototype=PIXELS)
-    np.testing.assert_array_equal(np.asarray(chosen), rgb[[0, 2]])
 
 
 def test_a_session_goes_on_as_it_began_whatever_the_codecs_are_today(

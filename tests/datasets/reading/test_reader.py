@@ -3,32 +3,26 @@
 from __future__ import annotations
 
 import tempfile
-from itertools import chain, repeat
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
-import zarr
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.support.factories import OBJECTS, difference, make_attempt, make_header, record
-from zarr.codecs import Crc32cCodec
 
 from handsight.datasets import (
     VIEWPOINTS,
     AttemptNotFoundError,
-    CorruptDataError,
     FrameNotFoundError,
     GraspDataset,
     GraspRepository,
     Outcome,
-    RgbdFrame,
     SessionNotFoundError,
     SessionWriter,
 )
-from handsight.datasets.format.arrays import group_at, read_rows
 from handsight.datasets.format.rows import frame_of
 from handsight.datasets.format.schema import attempt_id
 
@@ -59,15 +53,6 @@ def test_every_field_comes_back(
         assert [difference(left, right) for left, right in zip(attempts, stored, strict=True)] == [None] * 7
         assert dataset.station(writer.session) == header.station
         assert dataset.session(dataset.attempts.index[0]).header == header
-
-
-@pytest.fixture
-def dataset(repository: GraspRepository) -> GraspDataset:
-    """Two sessions, 24 and 3 attempts of every outcome."""
-    for seed, size in ((1, 24), (2, 3)):
-        header = make_header(seed=seed)
-        record(repository, header, [make_attempt(header, number) for number in range(size)], every=5)
-    return GraspDataset.open(str(repository.path))
 
 
 def test_conditions_are_columns_of_the_table(repository: GraspRepository) -> None:
@@ -140,35 +125,6 @@ def test_sessions_with_and_without_seed_share_a_table(dataset: GraspDataset) -> 
     assert seeds.value_counts(dropna=False).to_dict() == {1: 24, 2: 3, pd.NA: 1}
 
 
-def test_a_file_that_goes_away_while_bytes_are_counted_is_none(dataset: GraspDataset) -> None:
-    before = dataset.info().bytes
-    (dataset.repository.folder / "chunks" / "ABC#1").symlink_to("renamed since")
-    assert dataset.info().bytes == before
-
-
-def test_info_counts(dataset: GraspDataset) -> None:
-    info = dataset.info()
-    table = dataset.attempts
-    assert (info.attempts, info.sessions, info.excluded) == (27, 2, 0)
-    assert info.outcomes == {name: int((table["outcome"] == name).sum()) for name in info.outcomes}
-    assert list(info.outcomes) == ["empty", "held", "unreachable", "aborted"]
-    assert info.successes == info.outcomes["held"] == int(table["success"].sum())
-    assert sum(info.objects.values()) == int(table["target"].notna().sum())
-    assert list(info.objects) == ["apple", "bolt", "cup", "duck", "egg"]
-    assert (info.snapshot, info.digest) == (dataset.snapshot_id, dataset.digest)
-
-
-def test_info_and_the_table_read_no_pictures(repository: GraspRepository) -> None:
-    header = make_header(width=64, height=48)
-    record(repository, header, [make_attempt(header, 0, outcome=Outcome.HELD)])
-    expected = GraspDataset.open(str(repository.path)).info()
-    damaged = [chunk for chunk in (repository.folder / "chunks").iterdir() if chunk.stat().st_size > 4000]
-    assert len(damaged) == 4
-    for chunk in damaged:
-        chunk.write_bytes(bytes(chunk.stat().st_size))
-    assert GraspDataset.open(str(repository.path)).info() == expected
-
-
 @pytest.mark.parametrize("viewpoint", VIEWPOINTS)
 def test_pictures_stream_in_the_order_asked_for(dataset: GraspDataset, viewpoint: Any) -> None:
     everything = list(dataset.frames(viewpoint))
@@ -224,67 +180,3 @@ def test_a_session_tells_who_recorded_it(dataset: GraspDataset) -> None:
     assert len(session.config_digest) == 64
     assert session.started.endswith("+00:00")
     assert session.config_digest == dataset.sessions[1].config_digest
-
-
-def test_every_array_ends_its_codecs_with_a_checksum(dataset: GraspDataset) -> None:
-    root = dataset.repository.root(dataset.snapshot_id)
-    arrays = [node for _, node in root.members(max_depth=None) if isinstance(node, zarr.Array)]
-    assert len(arrays) == 2 * 24
-    for array in arrays:
-        assert isinstance(array.compressors[-1], Crc32cCodec)
-
-
-def damage_bit(path: Path, rng: np.random.Generator) -> None:
-    data = bytearray(path.read_bytes())
-    data[rng.integers(len(data))] ^= 1 << int(rng.integers(8))
-    path.write_bytes(data)
-
-
-def damage_length(path: Path, rng: np.random.Generator) -> None:
-    path.write_bytes(path.read_bytes()[: rng.integers(path.stat().st_size)])
-
-
-def damage_existence(path: Path, rng: np.random.Generator) -> None:
-    path.unlink()
-
-
-@pytest.mark.parametrize("damage", [damage_bit, damage_length, damage_existence])
-def test_damage_to_any_picture_is_found_and_its_attempt_named(repository: GraspRepository, damage: Any) -> None:
-    header = make_header(width=64, height=48)
-    attempts = [make_attempt(header, number, outcome=Outcome.HELD) for number in range(3)]
-    record(repository, header, attempts)
-    whole: dict[str, dict[str, RgbdFrame]] = {
-        viewpoint: dict(GraspDataset.open(str(repository.path)).frames(viewpoint)) for viewpoint in VIEWPOINTS
-    }
-    pictures = [chunk for chunk in (repository.folder / "chunks").iterdir() if chunk.stat().st_size > 4000]
-    assert len(pictures) == 3 * 2 * 2
-    rng = np.random.default_rng(0)
-    named = []
-    for chunk in pictures:
-        kept = chunk.read_bytes()
-        damage(chunk, rng)
-        dataset = GraspDataset.open(str(repository.path))
-        with pytest.raises(CorruptDataError, match="is damaged in row") as caught:
-            list(chain.from_iterable(dataset.frames(viewpoint) for viewpoint in VIEWPOINTS))
-        named.append(next(identity for identity in dataset.attempts.index if identity in str(caught.value)))
-        chunk.write_bytes(kept)
-    assert {identity: named.count(identity) for identity in named} == dict.fromkeys(whole["overhead"], 4)
-
-
-def test_damage_to_a_column_is_found(repository: GraspRepository) -> None:
-    record(repository, HEADER, [make_attempt(HEADER, number) for number in range(200)], every=200)
-    columns = list((repository.folder / "chunks").iterdir())
-    assert len(columns) >= 5
-    rng = np.random.default_rng(0)
-    for chunk in columns:
-        kept = chunk.read_bytes()
-        damage_bit(chunk, rng)
-        dataset = GraspDataset.open(str(repository.path))
-        session = dataset.repository.root(dataset.snapshot_id)[f"sessions/{dataset.sessions[0].ulid}"]
-        assert isinstance(session, zarr.Group)
-        groups = [group_at(session, name) for name in (*VIEWPOINTS, "attempts")]
-        arrays = [array for group in groups for name, array in group.arrays() if name not in ("rgb", "depth")]
-        with pytest.raises(CorruptDataError, match="is damaged in rows 0 to 199"):
-            list(map(read_rows, arrays, repeat(0), repeat(200)))
-        chunk.write_bytes(kept)
-    GraspDataset.open(str(repository.path)).info()

@@ -29,12 +29,11 @@ from handsight.datasets import DatasetError, GraspDataset, GraspRepository, veri
 
 FACTORIES = Path(__file__).parents[2] / "support" / "factories.py"
 UNSYNCED = """
-import runpy, sys
-from handsight.datasets import atomic
-from handsight.datasets.store import icechunk_engine, repository
-for module in (icechunk_engine, repository):
+import os, runpy, sys
+from handsight.datasets.store import branches, icechunk_engine, layout, repository
+for module in (branches, icechunk_engine, layout, repository):
     module.sync_file_system = lambda path: None
-atomic.os.fsync = lambda descriptor: None
+os.fsync = lambda descriptor: None
 sys.argv = sys.argv[1:]
 runpy.run_path(sys.argv[0], run_name="__main__")
 """

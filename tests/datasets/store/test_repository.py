@@ -1,4 +1,4 @@
-"""Creation, opening, refs, releases and history, on disk."""
+"""Creation, opening, refs and history, on disk."""
 
 from __future__ import annotations
 
@@ -19,7 +19,6 @@ from handsight.datasets import (
     GraspDataset,
     GraspRepository,
     NotADatasetError,
-    RefNameError,
     RefNotFoundError,
     SchemaError,
     SessionWriter,
@@ -174,49 +173,6 @@ def test_an_unknown_ref_lists_the_known(repository: GraspRepository, ref: str) -
         repository.resolve(ref)
 
 
-def test_a_release_names_the_very_snapshot_and_never_moves(repository: GraspRepository) -> None:
-    header = make_header()
-    writer = record(repository, header, [make_attempt(header, 0)])
-    tip = repository.resolve("main")
-    release = repository.release("v1", "main", "first look")
-    assert (release.name, release.snapshot_id, release.message) == ("v1", tip, "first look")
-    assert repository.resolve("main") == tip
-    writer.append(make_attempt(header, 1))
-    writer.commit()
-    repository.release("v2", "v1", "the same again")
-    reopened = GraspRepository.open(repository.path)
-    assert reopened.releases() == {"v1": release, "v2": repository.releases()["v2"]}
-    assert reopened.resolve("v1") == reopened.resolve("v2") == tip != reopened.resolve("main")
-    assert len(GraspDataset.open(f"{repository.path}@v1").attempts) == 1
-    assert len(GraspDataset.open(f"{repository.path}").attempts) == 2
-
-
-@pytest.mark.parametrize(
-    "name", ["", "a/b", "v@1", "-v", ".v", "v 1", "x" * 65, "0" * 20, "main", "handsight.releases"]
-)
-def test_names_a_release_cannot_take(repository: GraspRepository, name: str) -> None:
-    with pytest.raises(RefNameError):
-        repository.release(name)
-    assert repository.releases() == {}
-
-
-def test_a_release_name_is_used_once_even_when_deleted(repository: GraspRepository) -> None:
-    repository.release("v1")
-    with pytest.raises(RefNameError, match="taken"):
-        repository.release("v1")
-    icechunk.Repository.open(icechunk_engine.storage_at(repository.folder)).delete_tag("v1")
-    with pytest.raises(RefNameError, match="deleted"):
-        repository.release("v1")
-    assert repository.releases() == {}
-
-
-def test_a_release_of_an_unknown_ref_changes_nothing(repository: GraspRepository) -> None:
-    with pytest.raises(RefNotFoundError):
-        repository.release("v1", "nope")
-    assert repository.releases() == {}
-    assert repository.release("v1").name == "v1"
-
-
 def test_log_tells_the_history_of_a_ref(repository: GraspRepository) -> None:
     header = make_header()
     writer = SessionWriter.begin(repository, header)
@@ -259,11 +215,3 @@ def test_reading_writes_nothing(repository: GraspRepository) -> None:
     dataset.info()
     dataset.attempt(dataset.attempts.index[0])
     assert {path: path.stat().st_mtime_ns for path in repository.folder.rglob("*")} == before
-
-
-def test_info_leaves_caches_out_of_the_size(repository: GraspRepository) -> None:
-    before = GraspDataset.open(str(repository.path)).info().bytes
-    assert before == sum(path.stat().st_size for path in repository.folder.rglob("*") if path.is_file())
-    (repository.folder / ".handsight").mkdir()
-    (repository.folder / ".handsight" / "cache").write_bytes(b"x" * 1000)
-    assert GraspDataset.open(str(repository.path)).info().bytes == before

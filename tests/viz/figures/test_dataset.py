@@ -15,7 +15,7 @@ from handsight.datasets.reading.stats import Histogram, LabelStats, PositionMap,
 from handsight.evaluation.results import wilson_95
 from handsight.viz.errors import FigureError
 from handsight.viz.figures.dataset import stats_figure
-from handsight.viz.figures.rate_panels import EXTREME_OBJECTS, MOST_OBJECTS, draw_angles, object_rows
+from handsight.viz.figures.rate_panels import EXTREME_OBJECTS, draw_angles, object_rows
 
 NOTHING = Histogram(edges=(), attempts=(), successes=())
 
@@ -128,12 +128,6 @@ def test_what_was_not_recorded_is_said(tmp_path: Path) -> None:
 
 def test_many_blocks_are_a_line_in_a_band(tmp_path: Path) -> None:
     assert "300 sessions one after another" in svg_of(made_up(sessions=300), tmp_path)
-
-
-def test_all_objects_are_shown_where_they_fit_best_first() -> None:
-    shares = [Share(name=f"o{at}", attempts=50, successes=at) for at in range(MOST_OBJECTS)]
-    assert [share.successes for share in object_rows(shares) if share] == list(range(MOST_OBJECTS))[::-1]
-    assert object_rows([]) == []
 
 
 def test_of_many_objects_luck_makes_none_the_best(tmp_path: Path) -> None:

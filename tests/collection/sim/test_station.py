@@ -169,3 +169,17 @@ def test_unknown_object_sets_name_the_known_ones() -> None:
 def test_more_objects_than_the_set_has_are_refused() -> None:
     with pytest.raises(ObjectSetError, match="10 objects"):
         SimStation(SimConfig(objects="household-test", objects_per_scene=11))
+
+
+def test_the_station_takes_household_objects() -> None:
+    station = SimStation(SimConfig(objects="household-test"))
+    try:
+        scene: SceneObjects = station.reset(np.random.default_rng(3))
+        picture = station.look()
+    finally:
+        station.close()
+    assert len(scene.catalogue_index) == 5
+    assert station.spec.objects[0] == "household/milk-jug"
+    # Objects are nearer than the table, and there are colours that no wooden table has.
+    assert picture.depth.min() < picture.depth.max() - 15
+    assert (picture.rgb.max(axis=2).astype(int) - picture.rgb.min(axis=2) > 120).sum() > 200

@@ -1,4 +1,4 @@
-"""EGL draws what TinyRenderer draws, forgets what it drew before, and is taken only where it runs and is faster."""
+"""EGL draws what TinyRenderer draws, and forgets what it drew before."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from tests.support.alignment import FULL, INNER, SKEWED, look, shift_px, write_textured_square
+from tests.support.egl import NO_EGL
 
 from handsight.collection.attempt import attempt_seed, run_attempt
 from handsight.collection.errors import RendererUnavailableError, StationSettingsError
@@ -42,29 +43,6 @@ from handsight.servoing.camera import HandCamera
 from handsight.servoing.homography import predict_inputs
 from handsight.servoing.planar import PlanarPose, PlanarStep
 from handsight.servoing.prepared_view import PreparedView
-
-NO_EGL = {"__EGL_VENDOR_LIBRARY_FILENAMES": "/nonexistent"}
-"""Makes libEGL find no driver, as on a machine without one."""
-
-
-@pytest.fixture(scope="module")
-def egl() -> Renderer:
-    """EGL, or a skip with the reason."""
-    try:
-        check_available(EGL)
-    except RendererUnavailableError as error:
-        pytest.skip(str(error))
-    return EGL
-
-
-@pytest.fixture
-def no_egl(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """A machine on which EGL does not start."""
-    for name, value in NO_EGL.items():
-        monkeypatch.setenv(name, value)
-    renderer_module._egl_fault.cache_clear()
-    yield
-    renderer_module._egl_fault.cache_clear()
 
 
 @pytest.fixture(scope="module")
@@ -207,31 +185,6 @@ def test_the_plugin_says_nothing(egl: Renderer) -> None:
 def test_without_egl_the_message_names_the_packages_and_the_other_renderer() -> None:
     with pytest.raises(RendererUnavailableError, match=r"libegl1 libgl1-mesa-dri.*'tiny'"):
         SimStation(SimConfig(renderer="egl"))
-
-
-@pytest.mark.usefixtures("no_egl")
-def test_without_egl_tiny_is_chosen_and_nothing_measured() -> None:
-    choice = renderer_choice.choose_renderer(SimConfig())
-    assert choice.renderer == "tiny"
-    assert not choice.measured
-    assert "does not run on this machine" in choice.reason
-
-
-@pytest.mark.parametrize(("tiny_s", "egl_s", "chosen"), [(1.0, 0.85, "egl"), (1.0, 0.95, "tiny"), (1.0, 2.0, "tiny")])
-def test_the_faster_one_is_chosen_and_ties_go_to_tiny(
-    monkeypatch: pytest.MonkeyPatch, tiny_s: float, egl_s: float, chosen: str
-) -> None:
-    monkeypatch.setattr(renderer_choice, "check_available", lambda _: None)
-    monkeypatch.setattr(renderer_choice, "_time", lambda _: (tiny_s, egl_s))
-    assert renderer_choice.choose_renderer(SimConfig()).renderer == chosen
-
-
-def test_both_are_timed(egl: Renderer) -> None:
-    choice = renderer_choice.choose_renderer(SimConfig(objects="blocks-train"))
-    assert choice.measured
-    assert choice.tiny_s > 0
-    assert choice.egl_s > 0
-    assert choice.renderer == ("egl" if choice.egl_s <= renderer_choice.GAIN * choice.tiny_s else "tiny")
 
 
 def test_what_egl_cannot_do_is_refused_before_anything_starts() -> None:

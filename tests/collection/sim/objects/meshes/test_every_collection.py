@@ -18,10 +18,10 @@ import trimesh
 from PIL import Image
 
 from handsight.cli.app import run
-from handsight.collection.sim.objects import load_object_set
 from handsight.collection.sim.objects.cache import CACHE_VARIABLE
+from handsight.collection.sim.objects.catalogue import load_object_set
 
-DOCUMENT = Path(__file__).resolve().parents[3] / "docs/objects.md"
+DOCUMENT = Path(__file__).resolve().parents[5] / "docs/objects.md"
 MILLIMETRES = 1000.0
 
 

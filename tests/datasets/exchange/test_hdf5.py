@@ -1,0 +1,143 @@
+"""HDF5 as robomimic reads it, and files that are refused."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+
+from handsight.datasets import (
+    CorruptDataError,
+    GraspDataset,
+    GraspRepository,
+    InterchangeError,
+    export_dataset,
+    import_dataset,
+)
+
+
+def test_hdf5_reads_as_robomimic_does(dataset: GraspDataset, tmp_path: Path) -> None:
+    export_dataset(dataset, tmp_path / "out.hdf5", format="hdf5")
+    with h5py.File(tmp_path / "out.hdf5") as file:
+        assert json.loads(file["data"].attrs["env_args"]).keys() == {"env_name", "type", "env_kwargs"}
+        assert file["data"].attrs["total"] == len(file["data"]) == 24
+        labelled = {name.decode() for name in file["mask/labelled"]}
+        excluded = {name.decode() for name in file["mask/excluded"]}
+        for name, demo in file["data"].items():
+            row = dataset.attempts.loc[demo.attrs["attempt"]]
+            assert demo.attrs["num_samples"] == 1
+            assert (name in labelled) == (row["outcome"] in ("held", "empty"))
+            assert (name in excluded) == row["excluded"]
+            assert demo["rewards"][0] == float(row["outcome"] == "held")
+            assert {len(demo["obs"][key]) for key in demo["obs"]} <= {1}
+            if row["overhead_taken"]:
+                expected = dataset.frame(demo.attrs["attempt"], "overhead")
+                np.testing.assert_array_equal(demo["obs/overhead_rgb"][0], expected.rgb)
+                np.testing.assert_array_equal(demo["obs/overhead_depth"][0], expected.depth)
+                assert demo["obs/overhead_depth"].compression == "gzip"
+
+
+def edited_hdf5(edit: Callable[[h5py.File], object]) -> Callable[[Path], None]:
+    def apply(path: Path) -> None:
+        with h5py.File(path, "r+") as file:
+            edit(file)
+
+    return apply
+
+
+def _replace(file: h5py.File, name: str, value: object) -> None:
+    del file[name]
+    file[name] = value
+
+
+def _edit_attributes(file: h5py.File, edit: Callable[[dict[str, Any]], object]) -> None:
+    ulid = min(file["sessions"])
+    attributes = json.loads(file[f"sessions/{ulid}/attributes"].asstr()[()])
+    edit(attributes)
+    _replace(file, f"sessions/{ulid}/attributes", json.dumps(attributes))
+
+
+def _change_pixel(file: h5py.File) -> None:
+    frames = [demo["obs/overhead_rgb"] for demo in file["data"].values() if "overhead_rgb" in demo["obs"]]
+    frames[0][0, 0, 0, 0] ^= 1
+
+
+def _claim_rows(file: h5py.File) -> None:
+    name = f"sessions/{min(file['sessions'])}/columns/number"
+    del file[name]
+    file.create_dataset(name, shape=(10**12,), dtype="int64", chunks=(1024,), compression="gzip")
+
+
+def _claim_pixels(card: dict[str, Any]) -> None:
+    card["header"]["station"]["camera"]["intrinsics"].update(width=10**6, height=10**6)
+
+
+BAD_HDF5: dict[str, tuple[Callable[[Path], object], str]] = {
+    "truncated": (lambda path: os.truncate(path, path.stat().st_size // 2), "cannot be opened as HDF5"),
+    "foreign": (edited_hdf5(lambda file: file.attrs.pop("handsight")), "schema version None"),
+    "newer": (edited_hdf5(lambda file: file.attrs.modify("handsight", '{"schema_version": 99}')), "version 99"),
+    "not JSON": (edited_hdf5(lambda file: file.attrs.modify("handsight", "{")), "not exported by handsight"),
+    "external link": (
+        edited_hdf5(lambda file: file["data"].__setitem__("x", h5py.ExternalLink("/etc/passwd", "/"))),
+        "holds a link at /data/x",
+    ),
+    "soft link": (
+        edited_hdf5(lambda file: file["data"].__setitem__("x", h5py.SoftLink("/sessions"))),
+        "holds a link at /data/x",
+    ),
+    "external storage": (
+        edited_hdf5(lambda file: file.create_dataset("x", (1,), "u1", external=[("/etc/passwd", 0, 1)])),
+        "in other files",
+    ),
+    "no sessions": (edited_hdf5(lambda file: file.__delitem__("sessions")), "no group sessions"),
+    "session name": (
+        edited_hdf5(lambda file: file.move(f"sessions/{min(file['sessions'])}", "sessions/up")),
+        "session 'up' was not written",
+    ),
+    "column": (
+        edited_hdf5(lambda file: _replace(file, f"sessions/{min(file['sessions'])}/columns/outcome", [1])),
+        "columns/outcome is int64",
+    ),
+    "header": (
+        edited_hdf5(lambda file: _edit_attributes(file, lambda card: card.pop("header"))),
+        "KeyError: 'header'",
+    ),
+    "changed header": (
+        edited_hdf5(lambda file: _edit_attributes(file, lambda card: card.update(config_digest="0" * 64))),
+        "config_digest does not belong",
+    ),
+    "status": (
+        edited_hdf5(lambda file: _edit_attributes(file, lambda card: card.update(status="lost"))),
+        "status is 'lost'",
+    ),
+    "a bomb of rows": (edited_hdf5(_claim_rows), "claims 1000000000000 attempts"),
+    "a bomb of pixels": (edited_hdf5(lambda file: _edit_attributes(file, _claim_pixels)), "at most 8192 pixels a side"),
+    "decisions": (edited_hdf5(lambda file: _replace(file, "decisions", '[{"action": "burn"}]')), "decisions in"),
+    "a pixel": (edited_hdf5(_change_pixel), "not what its recorded digest says"),
+    "a missing demo": (edited_hdf5(lambda file: file.__delitem__("data/demo_20")), "cannot be read from"),
+    "swapped demos": (
+        edited_hdf5(lambda file: file["data/demo_20"].attrs.modify("attempt", "another")),
+        "demo_20 is attempt another",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", BAD_HDF5)
+def test_a_bad_file_is_refused_and_leaves_nothing(dataset: GraspDataset, tmp_path: Path, name: str) -> None:
+    damage, message = BAD_HDF5[name]
+    export_dataset(dataset, tmp_path / "out", format="hdf5")
+    damage(tmp_path / "out")
+    target = GraspRepository.create(tmp_path / "target")
+    before = target.resolve("main")
+    for place in ("new", "target"):
+        with pytest.raises((InterchangeError, CorruptDataError), match=message):
+            import_dataset(tmp_path / "out", tmp_path / place)
+    assert not (tmp_path / "new").exists()
+    assert target.resolve("main") == before
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["grasps", "out", "target"]

@@ -1,0 +1,77 @@
+"""Plain Zarr opens with zarr alone, and folders that are refused."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import zarr
+
+from handsight.datasets import DatasetError, GraspDataset, export_dataset, import_dataset
+
+
+def test_plain_zarr_opens_with_zarr_alone(dataset: GraspDataset, tmp_path: Path) -> None:
+    export_dataset(dataset, tmp_path / "out.zarr", format="zarr")
+    root = zarr.open_group(str(tmp_path / "out.zarr"), mode="r")
+    attributes: dict[str, Any] = root.attrs.asdict()
+    origin = attributes["handsight"]
+    assert (origin["digest"], origin["snapshot"]) == (dataset.digest, dataset.snapshot_id)
+    identity = dataset.attempts.index[dataset.attempts["overhead_taken"]][-1]
+    session, _, number = identity.rpartition("-")
+    array = root[f"sessions/{session}/overhead/rgb"]
+    assert isinstance(array, zarr.Array)
+    np.testing.assert_array_equal(array[int(number)], dataset.frame(identity).rgb)
+
+
+def _link_out(path: Path) -> None:
+    (path / "sessions" / "link").symlink_to("/etc")
+
+
+def _flip_chunk(path: Path) -> None:
+    chunk = max(path.glob("sessions/*/overhead/rgb/c/*/0/0/0"), key=lambda one: one.stat().st_size)
+    data = bytearray(chunk.read_bytes())
+    data[len(data) // 2] ^= 4
+    chunk.write_bytes(data)
+
+
+def _newer(path: Path) -> None:
+    zarr.open_group(str(path), mode="r+").update_attributes({"handsight": {"schema_version": 99}})
+
+
+def _claim_zarr_rows(path: Path) -> None:
+    for name in ("number", "digest"):
+        array = zarr.open_array(str(next(path.glob(f"sessions/*/attempts/{name}"))), mode="r+")
+        array.resize((10**12, *array.shape[1:]))
+
+
+def _foreign(path: Path) -> None:
+    shutil.rmtree(path)
+    zarr.create_group(str(path))
+
+
+BAD_ZARR: dict[str, tuple[Callable[[Path], object], str]] = {
+    "link": (_link_out, "holds a link at"),
+    "bit": (_flip_chunk, "is damaged in row"),
+    "newer": (_newer, "schema version 99"),
+    "foreign": (_foreign, "schema version None"),
+    "a bomb of rows": (_claim_zarr_rows, "claims 1000000000000 attempts"),
+    "root": (lambda path: (path / "zarr.json").write_text("{"), "no readable group"),
+    "missing array": (
+        lambda path: shutil.rmtree(next(path.glob("sessions/*/attempts/outcome"))),
+        "attempts/outcome cannot be read",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", BAD_ZARR)
+def test_a_bad_folder_is_refused_and_leaves_nothing(dataset: GraspDataset, tmp_path: Path, name: str) -> None:
+    damage, message = BAD_ZARR[name]
+    export_dataset(dataset, tmp_path / "out", format="zarr")
+    damage(tmp_path / "out")
+    with pytest.raises(DatasetError, match=message):
+        import_dataset(tmp_path / "out", tmp_path / "new")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["grasps", "out"]

@@ -1,0 +1,104 @@
+"""Old files go without anything that is needed."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.support.factories import make_attempt, make_header, record
+
+from handsight.datasets import (
+    GraspDataset,
+    GraspRepository,
+    Outcome,
+    SessionWriter,
+    collect_garbage,
+    create_branch,
+    delete_branch,
+    expire,
+    verify,
+)
+
+HEADER = make_header(width=64, height=48)
+SIZE = 5
+
+
+@pytest.fixture
+def recorded(repository: GraspRepository) -> GraspRepository:
+    attempts = [make_attempt(HEADER, number, outcome=Outcome.HELD) for number in range(SIZE)]
+    record(repository, HEADER, attempts, every=SIZE)
+    return repository
+
+
+def opened(repository: GraspRepository, ref: str = "main") -> GraspDataset:
+    return GraspDataset.open(f"{repository.path}@{ref}")
+
+
+def files(repository: GraspRepository) -> set[Path]:
+    return {path for path in repository.folder.rglob("*") if path.is_file() and ".handsight" not in path.parts}
+
+
+def test_garbage_is_what_no_version_needs(recorded: GraspRepository) -> None:
+    needed = files(recorded)
+    create_branch(recorded, "dev")
+    other = make_header(seed=2, width=64, height=48)
+    with SessionWriter.begin(recorded, other, "dev") as writer:
+        writer.append(make_attempt(other, 0, outcome=Outcome.HELD))
+        writer.seal()
+    delete_branch(recorded, "dev", force=True)
+    kept = collect_garbage(recorded, dry_run=False)
+    assert (kept.bytes, kept.chunks) == (0, 0)
+    planned = collect_garbage(recorded, dry_run=True, grace=timedelta(0))
+    assert planned.chunks >= 4
+    assert files(recorded) > needed
+    done = collect_garbage(recorded, dry_run=False, grace=timedelta(0))
+    assert (done.bytes, done.chunks, done.snapshots) == (planned.bytes, planned.chunks, planned.snapshots)
+    assert files(recorded) == needed
+    assert verify(opened(recorded)).ok
+
+
+def test_garbage_waits_for_open_writers(recorded: GraspRepository) -> None:
+    """What a writer has put on the disk since its last commit belongs to no version yet."""
+    other = make_header(seed=2, width=64, height=48)
+    writer = SessionWriter.begin(recorded, other)
+    writer.append(make_attempt(other, 0, outcome=Outcome.HELD))
+    writer.commit()
+    last = recorded.log()[0].written_at
+    session = recorded.writable("main")
+    report = collect_garbage(recorded, dry_run=False, grace=timedelta(0))
+    assert report.retained_by == (writer.session,)
+    assert report.older_than == last
+    assert session.snapshot_id == recorded.resolve("main")
+    writer.seal()
+    assert collect_garbage(recorded, dry_run=True, grace=timedelta(0)).retained_by == ()
+
+
+def test_expiry_shortens_the_history_and_keeps_what_has_a_name(recorded: GraspRepository) -> None:
+    start = recorded.resolve("main")
+    recorded.release("v1")
+    resumed = SessionWriter.resume(recorded, HEADER)
+    for number in range(SIZE, SIZE + 3):
+        resumed.append(make_attempt(HEADER, number, outcome=Outcome.HELD))
+        resumed.commit()
+    resumed.seal()
+    tip = recorded.resolve("main")
+    before = opened(recorded)
+    now = datetime.now(UTC)
+    assert expire(recorded, now - timedelta(days=1), dry_run=False).snapshots == ()
+    planned = expire(recorded, now, dry_run=True)
+    assert len(recorded.log()) > 2
+    assert len(planned.snapshots) == len(recorded.log()) - 2
+    done = expire(recorded, now, dry_run=False)
+    assert done.snapshots == planned.snapshots
+    reopened = GraspRepository.open(recorded.path)
+    assert {"v1", "main"} <= {*reopened.branches(), *reopened.releases()}
+    assert (reopened.resolve("v1"), reopened.resolve("main")) == (start, tip)
+    collect_garbage(reopened, dry_run=False, grace=timedelta(0))
+    after = opened(reopened)
+    assert after.attempts.equals(before.attempts)
+    assert verify(after).ok
+    assert verify(opened(reopened, "v1")).checked == SIZE
+    assert set(done.snapshots).isdisjoint(entry.snapshot_id for entry in reopened.log())
+    np.testing.assert_array_equal(after.attempts["number"], range(SIZE + 3))
