@@ -74,6 +74,7 @@ if TYPE_CHECKING:
     from handsight.datasets.inputs.loader import GraspLoader as GraspLoader
     from handsight.datasets.inputs.materialize import GraspInputs as GraspInputs
     from handsight.datasets.inputs.materialize import materialize as materialize
+    from handsight.datasets.inputs.torch_dataset import FlippedGrasps as FlippedGrasps
     from handsight.datasets.inputs.torch_dataset import TorchGrasps as TorchGrasps
     from handsight.datasets.integrity.doctor.examine import Diagnosis as Diagnosis
     from handsight.datasets.integrity.doctor.examine import doctor as doctor
@@ -119,6 +120,7 @@ _NAMES: dict[str, tuple[str, ...]] = {
     "address": ("DatasetAddress",),
     "curation.curator": ("Curator",),
     "curation.folds": (
+        "FlippedGrasps",
         "Folds",
         "make_folds",
         "read_folds",
@@ -179,7 +181,7 @@ _NAMES: dict[str, tuple[str, ...]] = {
         "GraspInputs",
         "materialize",
     ),
-    "inputs.torch_dataset": ("TorchGrasps",),
+    "inputs.torch_dataset": ("FlippedGrasps", "TorchGrasps"),
     "integrity.doctor.examine": (
         "Diagnosis",
         "doctor",
@@ -265,6 +267,7 @@ __all__ = [
     "Diagnosis",
     "ExpiryReport",
     "Finding",
+    "FlippedGrasps",
     "Folds",
     "FoldsError",
     "ForkedProcessError",
