@@ -3,7 +3,8 @@
 
 SHELL := /bin/bash
 VENV ?= .venv
-PYTHON ?= python3.11
+# An interpreter of 3.11 to 3.13; unless given that of the environment there is, or else the newest that is found.
+PYTHON ?=
 # Where pip's own configuration offers no CPU build of torch it takes the default one, gigabytes of CUDA included.
 # TORCH_INDEX=<PyTorch's index of CPU wheels> avoids that.
 TORCH_INDEX ?=
@@ -26,14 +27,29 @@ help:  ## List the targets
 
 venv: $(STAMP)  ## Create or update the environment in .venv
 
+# A name on the path is not enough: it may be a version manager's, for a version that is not chosen, and Debian has
+# interpreters that cannot create environments.
+SUITABLE := import ensurepip, sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))
+
 $(STAMP): pyproject.toml constraints.txt
-	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info[:2] != (3, 11))' 2>/dev/null || { \
-	    echo "handsight needs Python 3.11, and '$(PYTHON)' is not it. Install it (Debian and Ubuntu: apt-get install" \
-	    "python3.11 python3.11-venv), or name it: make venv PYTHON=/path/to/python3.11" >&2; exit 1; }
-	@$(PYTHON) -c 'import ensurepip' 2>/dev/null || { \
-	    echo "'$(PYTHON)' cannot create environments: install its venv module" \
-	    "(Debian and Ubuntu: apt-get install python3.11-venv)" >&2; exit 1; }
-	$(PYTHON) -m venv '$(VENV)'
+	@suitable() { "$$1" -c '$(SUITABLE)' 2>/dev/null; }; \
+	if [ -z '$(PYTHON)' ] && suitable '$(BIN)/python'; then exit; fi; \
+	clear=$$([ ! -e '$(VENV)/pyvenv.cfg' ] || echo --clear); \
+	for python in $(or $(PYTHON:%='%'),python3.13 python3.12 python3.11 python3); do \
+	    if suitable "$$python"; then \
+	        echo "$(VENV): $$("$$python" -V), $$python"; \
+	        exec "$$python" -m venv $$clear '$(VENV)'; \
+	    fi; \
+	done; \
+	if [ -n '$(PYTHON)' ]; then \
+	    echo "'$(PYTHON)' is not Python 3.11, 3.12 or 3.13, or cannot create environments (Debian and Ubuntu: apt-get" \
+	        "install python3-venv). Name another, or none to take what is there" >&2; \
+	    exit 1; \
+	fi; \
+	if command -v uv >/dev/null; then exec uv venv --quiet --seed --python 3.13 $$clear '$(VENV)'; fi; \
+	echo "handsight needs Python 3.11, 3.12 or 3.13 with its venv module, and there is none. Install one (Debian and" \
+	    "Ubuntu: apt-get install python3 python3-venv) or uv, or name one: make venv PYTHON=/path/to/python3.13" >&2; \
+	exit 1
 	'$(BIN)/pip' install --quiet --disable-pip-version-check --no-deps $(TORCH_INDEX:%=--extra-index-url '%') \
 	    -c constraints.txt torch
 	'$(BIN)/pip' install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'

@@ -20,7 +20,7 @@ REFERENCE_RAD = np.array([np.pi, -1.2, 1.6, -2.0, -0.5 * np.pi, 0.0])
 """Elbow up, gripper down over the workspace: the branch on which the arm stays."""
 
 TIE_SHARE = 1e-6
-"""Weight of all joints' turns beside that of the joint that turns farthest."""
+"""Weight of the shoulder's turn beside that of the joint that turns farthest."""
 
 # Denavit-Hartenberg parameters as Universal Robots publishes them for the UR10 ("DH Parameters for calculations of
 # kinematics and dynamics"). The first frame is the controller's base frame, the last one the flange.
@@ -43,9 +43,10 @@ def joints_for(
     reachable = candidates[(np.abs(candidates) <= JOINT_LIMITS_RAD).all(axis=1)]
     if len(reachable):
         travel_rad = np.abs(reachable - near_rad)
-        # The joint that turns farthest decides. By symmetry two solutions can tie in it, at y = 0 with the jaws along
-        # y for instance: all joints together then say which, instead of the last bit.
-        cost_rad = travel_rad.max(axis=1) + TIE_SHARE * travel_rad.sum(axis=1)
+        # The joint that turns farthest decides, among two elbows with the same shoulder and wrist the solver's order,
+        # elbow up first. By symmetry two shoulders can tie too, at y = 0 with the jaws along y for instance, up to the
+        # last bit: then the one that turns less.
+        cost_rad = travel_rad.max(axis=1) + TIE_SHARE * travel_rad[:, 0]
         nearest: NDArray[np.float64] = reachable[np.argmin(cost_rad)]
         if _on_branch(nearest):
             return nearest

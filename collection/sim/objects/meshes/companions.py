@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import io
+import os
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -49,8 +50,8 @@ class Companions(Resolver):
             content = path.read_bytes()
             if path.suffix.lower() not in _NOT_PICTURES:
                 check_picture(content)
-        except (MeshFault, OSError, RuntimeError, ValueError) as error:
-            # Links that lead in circles are a RuntimeError of pathlib, names with a zero byte a ValueError.
+        except (MeshFault, OSError, ValueError) as error:
+            # Names with a zero byte are a ValueError.
             reason = error.strerror if isinstance(error, OSError) else str(error)
             self.faults.append(f"names {shown(key.strip())!r}, which {reason}")
             raise FileNotFoundError(key) from error
@@ -61,10 +62,12 @@ class Companions(Resolver):
         # Collections made on Windows separate folders by backslashes.
         name = key.strip().replace("\\", "/")
         path = self._folder / name
-        if re.match(r"[A-Za-z][A-Za-z0-9+.-]*:", name) or not path.resolve().is_relative_to(self._root):
+        # Not Path.resolve, which says of links that lead in circles what depends on the version of Python.
+        real = Path(os.path.realpath(path))
+        if re.match(r"[A-Za-z][A-Za-z0-9+.-]*:", name) or not real.is_relative_to(self._root):
             raise MeshFault("is outside the folder")
         if not path.is_file():
-            raise MeshFault("is missing")
+            raise MeshFault("is a link that leads nowhere" if path.is_symlink() else "is missing")
         if path.stat().st_size > MAX_COMPANION_BYTES:
             raise MeshFault(f"has more than {MAX_COMPANION_BYTES / 1e6:.0f} MB")
         return path

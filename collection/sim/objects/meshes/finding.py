@@ -24,6 +24,9 @@ def find_meshes(folder: Path, pattern: str) -> list[Path]:
     Raises:
         ValueError: ``pattern`` is none.
     """
+    if any("**" in step and step != "**" for step in Path(pattern).parts):
+        # From Python 3.13 on it would mean the same as a single star.
+        raise ValueError("'**' can only be an entire path component")
     return sorted(
         path
         for path in folder.glob(pattern)

@@ -35,7 +35,7 @@ def test_links_out_of_the_folder_are_not_followed(
     assert "5 of 7 meshes" in first
     said = dict(line.strip().split(": ", 1) for line in lines)
     assert said.keys() == {"out.stl", "nowhere.stl", "round.stl", "skinned.obj", "rounded.obj"}
-    assert said["rounded.obj"].startswith("names 'round.mtl', which Symlink loop")
+    assert said["rounded.obj"].startswith("names 'round.mtl', which is a link that leads nowhere")
     assert said["out.stl"].startswith("is a link out of the folder")
     assert said["nowhere.stl"].startswith("is a link that leads nowhere")
     assert said["skinned.obj"].startswith("names 'skin.png', which is outside the folder")
