@@ -1,24 +1,23 @@
-"""Wires policy names to policies; the one place of collection that knows trained runs."""
+"""Wires policy names to policies; the one place of collection that knows trained runs.
+
+PyTorch takes seconds to import: only the servo policy needs it, and only once its options are sound.
+"""
 
 from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
-
-import torch
+from typing import TYPE_CHECKING, Any
 
 from handsight.cli.errors import CommandError
-from handsight.collection.policy import PregraspPolicy, UniformPolicy
-from handsight.collection.servo_policy import ServoPolicy
-from handsight.servoing.homography import InputGrid
-from handsight.servoing.loop import ServoSettings
-from handsight.servoing.methods.registry import METHODS, servo_method
-from handsight.servoing.objective import ScoreInputs
-from handsight.training.run import WEIGHTS, load_run, load_scorer
+from handsight.cli.options import DEFAULT_METHOD
+from handsight.training.run_folder import check_finished_run
 
-DEFAULT_METHOD = "cem-1"
+if TYPE_CHECKING:
+    from handsight.collection.policy import PregraspPolicy
+    from handsight.servoing.objective import ScoreInputs
+
 DEFAULT_RANDOM_SHARE = 0.3
 
 
@@ -36,6 +35,10 @@ class RunNetwork:
         Raises:
             CheckpointError: The run is gone or damaged.
         """
+        import torch
+
+        from handsight.training.run import load_scorer
+
         torch.set_num_threads(1)
         return load_scorer(self.folder)
 
@@ -56,11 +59,18 @@ def policy_named(
         extra = [option for option, value in given.items() if value is not None]
         if extra:
             raise CommandError(f"{', '.join(extra)} goes with --policy servo, and the policy is {name}")
+        from handsight.collection.policy import UniformPolicy
+
         return UniformPolicy()
     if model is None:
         raise CommandError("--policy servo needs a trained network: name its folder with --model RUN")
-    chosen = DEFAULT_METHOD if method is None else method
-    servoing = servo_method(chosen)
+    check_finished_run(model)
+    from handsight.collection.servo_policy import ServoPolicy
+    from handsight.servoing.loop import ServoSettings
+    from handsight.servoing.methods.registry import servo_method
+    from handsight.training.run import load_run
+
+    servoing = servo_method(DEFAULT_METHOD if method is None else method)
     run = load_run(model)
     return ServoPolicy(
         open_network=_network(model),
@@ -77,10 +87,19 @@ def recorded_policy(settings: dict[str, Any], model: Path | None) -> PregraspPol
         settings: What :meth:`PregraspPolicy.settings` gave.
         model: The run that the servo policy used, if it is at hand.
     """
+    from handsight.collection.policy import UniformPolicy
+
     rest = {name: value for name, value in settings.items() if name != "name"}
     if settings.get("name") == "uniform":
         return UniformPolicy(**rest)
-    if settings.get("name") != "servo" or model is None or rest["method"] not in METHODS:
+    if settings.get("name") != "servo" or model is None:
+        return None
+    from handsight.collection.servo_policy import ServoPolicy
+    from handsight.servoing.homography import InputGrid
+    from handsight.servoing.loop import ServoSettings
+    from handsight.servoing.methods.registry import METHODS
+
+    if rest["method"] not in METHODS:
         return None
     network = _network(model)
     if network.sha256 != rest["weights_sha256"]:
@@ -99,4 +118,6 @@ def recorded_policy(settings: dict[str, Any], model: Path | None) -> PregraspPol
 
 
 def _network(model: Path) -> RunNetwork:
+    from handsight.training.run import WEIGHTS
+
     return RunNetwork(model.resolve(), hashlib.sha256((model / WEIGHTS).read_bytes()).hexdigest())
