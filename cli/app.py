@@ -16,7 +16,7 @@ NOUNS = (
     LazyCommand(
         "demo",
         "demo:demo",
-        "Collect grasps, train a network, servo with it and show the results, in one command.",
+        "Collect, train, servo and show the results, in one go.",
         ("handsight demo", "handsight demo --out demo --attempts 200 --trials 20"),
     ),
     LazyCommand("collect", "collect:collect_app", "Collect grasp attempts into a dataset."),

@@ -27,9 +27,7 @@ def heatmap_command(
     model: Model,
     attempts: Ids = None,
     out: Annotated[Path, typer.Option("--out", help="Recording to write, for 'rerun FILE'.")] = Path("heatmaps.rrd"),
-    count: Annotated[
-        int, typer.Option("--count", "-n", min=1, help="How many of the latest, where no ids are given.")
-    ] = 8,
+    count: Annotated[int, typer.Option("--count", "-n", min=1, help="How many of the latest, without ids.")] = 8,
     spacing_px: Annotated[int, typer.Option("--spacing", help="Pixels between the points of the map.")] = 8,
     picture: Annotated[
         Path | None,

@@ -91,7 +91,7 @@ def undo(
     if as_json:
         print_json(_decision_json(decided, counts=True))
     else:
-        console.print(f"decision {decided.value} is undone by decision {decided.number}")
+        console.print(f"decision {decided.value} counts no longer (undone by decision {decided.number})")
 
 
 def decisions(dataset: Dataset, as_json: Json = False) -> None:

@@ -115,8 +115,9 @@ def repair_command(
     if as_json:
         print_json(done)
         return
+    simulated = counted(len(done.simulated), "attempt")
     console.print(
-        f"branch [bold]{done.branch}[/] ({done.snapshot}): {counted(len(done.simulated), 'attempt')} brought back by simulation, "
+        f"branch [bold]{done.branch}[/] ({done.snapshot}): {simulated} brought back by simulation, "
         f"{len(done.lost)} lost and excluded"
     )
 
