@@ -1,51 +1,69 @@
-"""Assembles the ``handsight`` command and turns expected errors into one line and exit status 2.
-
-Only the noun that was typed is imported: PyTorch and Rerun take seconds, and neither ``--help`` nor ``dataset ls``
-needs them. The other nouns are listed with their help alone.
-"""
+"""Assembles the ``handsight`` command and turns expected errors into one line and exit status 2."""
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
-from importlib import import_module
-from typing import Any
 
 import typer
+from typer.main import get_command
 
 from handsight import __version__
-
-
-@dataclass(frozen=True, slots=True)
-class Noun:
-    """One word behind ``handsight``."""
-
-    name: str
-    target: str
-    """Module and attribute: a function for one command, a Typer app for several."""
-    help: str
-
-    def load(self) -> Any:
-        """Import the command or app."""
-        module, attribute = self.target.split(":")
-        return getattr(import_module(f"handsight.cli.{module}"), attribute)
-
+from handsight.cli.lazy import LazyCommand, LazyGroup, lazy_app
 
 NOUNS = (
-    Noun("demo", "demo:demo", "The whole line in one command: collect, train, servo, show."),
-    Noun("collect", "collect:collect_app", "Collect grasp attempts into a dataset."),
-    Noun("dataset", "dataset.app:dataset_app", "Create, inspect and release grasp datasets."),
-    Noun("train", "train:train_command", "Train a network on a version of a dataset."),
-    Noun("evaluate", "evaluate:evaluate_command", "Compare servo methods on the same trials."),
-    Noun("heatmap", "heatmap:heatmap_command", "Record heatmaps of predicted success."),
-    Noun("servo", "servo:servo_command", "Servo once, grasp, and record every step."),
-    Noun("objects", "objects:objects_app", "Object sets of the simulated station."),
+    LazyCommand(
+        "demo",
+        "demo:demo",
+        "Collect, train, servo and show the results, in one go.",
+        ("handsight demo", "handsight demo --out demo --attempts 200 --trials 20"),
+    ),
+    LazyCommand("collect", "collect:collect_app", "Collect grasp attempts into a dataset."),
+    LazyCommand("dataset", "dataset.app:dataset_app", "Create, inspect and release grasp datasets."),
+    LazyCommand(
+        "train",
+        "train:train_command",
+        "Train a network on a version of a dataset.",
+        (
+            "handsight train grasps@v1 --out runs/rgbd",
+            "handsight train grasps --out runs/depth --channels depth --epochs 40",
+        ),
+    ),
+    LazyCommand(
+        "evaluate",
+        "evaluate:evaluate_command",
+        "Compare servo methods on the same trials.",
+        (
+            "handsight evaluate --model runs/rgbd",
+            "handsight evaluate --model runs/rgbd --methods cem-1,first-order --trials 200 --json",
+        ),
+    ),
+    LazyCommand(
+        "heatmap",
+        "heatmap:heatmap_command",
+        "Record heatmaps of predicted success.",
+        (
+            "handsight heatmap grasps --model runs/rgbd",
+            "handsight heatmap grasps 92 93 --model runs/rgbd --picture heatmaps.png",
+        ),
+    ),
+    LazyCommand(
+        "servo",
+        "servo:servo_command",
+        "Servo once, grasp, and record every step.",
+        ("handsight servo --model runs/rgbd", "handsight servo --model runs/rgbd --method first-order --trial 7"),
+    ),
+    LazyCommand("objects", "objects:objects_app", "Object sets of the simulated station."),
 )
+SHELLS = ("bash", "zsh", "fish")
+"""Shells for which ``--show-completion`` can be asked by name."""
 
 
-def _unused() -> None:
-    """Stands for a command that was not typed."""
+class Handsight(LazyGroup):
+    """Everything behind ``handsight``."""
+
+    table = NOUNS
 
 
 def _print_version(wanted: bool) -> None:
@@ -62,32 +80,23 @@ def _root(
     """A data engine for learning planar grasps from a camera on the gripper."""
 
 
-def build_app(typed: str | None) -> typer.Typer:
-    """The command line in which the noun ``typed`` is real and the others are listed."""
-    app = typer.Typer(
-        name="handsight",
-        no_args_is_help=True,
-        add_completion=False,
-        pretty_exceptions_enable=False,
-        context_settings={"help_option_names": ["-h", "--help"]},
-    )
-    app.callback()(_root)
-    for noun in NOUNS:
-        target = noun.load() if noun.name == typed else _unused
-        if isinstance(target, typer.Typer):
-            app.add_typer(target, name=noun.name, help=noun.help)
-        else:
-            # The command's own docstring says more than the line in the list.
-            app.command(noun.name, help=None if noun.name == typed else noun.help)(target)
-    return app
+app = lazy_app(
+    Handsight,
+    name="handsight",
+    callback=_root,
+    add_completion=True,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
 
 
 def run(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit status: 0 done, 1 a check found something, 2 bad input."""
     words = list(sys.argv[1:] if arguments is None else arguments)
-    typed = next((word for word in words if not word.startswith("-")), None)
+    if len(words) == 2 and words[0] == "--show-completion" and words[1] in SHELLS:
+        # The option alone looks which shell it was called from; this is how a shell asks for its own script.
+        os.environ["_HANDSIGHT_COMPLETE"] = f"source_{words.pop()}"
     try:
-        build_app(typed)(args=words, prog_name="handsight")
+        get_command(app)(args=words, prog_name="handsight")
     except SystemExit as leaving:
         return leaving.code if isinstance(leaving.code, int) else int(leaving.code is not None)
     except Exception as error:

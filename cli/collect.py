@@ -4,29 +4,49 @@ from __future__ import annotations
 
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
 from handsight.cli.errors import CommandError
-from handsight.cli.options import TRAINING_OBJECTS, DatasetPath, Json, Objects, PerScene, Seed, Workers
-from handsight.cli.output import console, errors, print_json, progress_bar
+from handsight.cli.lazy import LazyCommand, LazyGroup, lazy_app
+from handsight.cli.options import TRAINING_OBJECTS, DatasetPath, Json, Objects, PerScene, Renderer, Seed, Workers
+from handsight.cli.output import console, counted, errors, print_json, progress_bar
 from handsight.cli.wiring.policies import policy_named
-from handsight.cli.wiring.renderers import Renderer, with_renderer
-from handsight.cli.wiring.scene_pictures import picture_command
-from handsight.cli.wiring.stations import randomized, sim_station
-from handsight.collection.collector import CollectReport, CollectSettings, StationFactory, collect
-from handsight.datasets.errors import counted
-from handsight.datasets.records import GraspAttempt
-from handsight.datasets.store.repository import GraspRepository
 from handsight.jobs.engine import LOCAL, Engine
-from handsight.jobs.ray_engine import ray_engine
 
-collect_app = typer.Typer(help="Collect grasp attempts into a dataset.", no_args_is_help=True)
-collect_app.command("picture")(picture_command)
+if TYPE_CHECKING:
+    # Icechunk and PyBullet take a second; nothing is imported for options that make no sense.
+    from handsight.collection.collector import CollectReport, CollectSettings, StationFactory
+    from handsight.datasets.records import GraspAttempt
 
 
-@collect_app.command("sim")
+class CollectGroup(LazyGroup):
+    """Everything behind ``handsight collect``."""
+
+    table = (
+        LazyCommand(
+            "sim",
+            "collect:collect_sim",
+            "Collect grasps in simulation.",
+            (
+                "handsight collect sim grasps -n 600 -w 4",
+                "handsight collect sim grasps -n 600 --resume",
+                "handsight collect sim more --policy servo --model runs/rgbd --vary all",
+            ),
+        ),
+        LazyCommand(
+            "picture",
+            "collect:collect_picture",
+            "Draw the simulated station from outside.",
+            ("handsight collect picture --out station.png --seed 3",),
+        ),
+    )
+
+
+collect_app = lazy_app(CollectGroup, help="Collect grasp attempts into a dataset.")
+
+
 def collect_sim(
     dataset: DatasetPath,
     attempts: Annotated[int, typer.Option("--attempts", "-n", help="Length of the session.")] = 600,
@@ -75,12 +95,14 @@ def collect_sim(
 
     The same seed gives the same attempts, whatever the engine, the number of workers and the interruptions.
     """
+    _check_engine(engine, ray_address)
+    chosen = policy_named(policy, model=model, method=method, random_share=random_share, threshold=threshold)
+    from handsight.cli.wiring.renderers import with_renderer
+    from handsight.cli.wiring.stations import randomized, sim_station
+    from handsight.collection.collector import CollectSettings
+
     settings = CollectSettings(
-        attempts=attempts,
-        seed=seed,
-        workers=workers,
-        policy=policy_named(policy, model=model, method=method, random_share=random_share, threshold=threshold),
-        pregrasp_picture=pregrasp_picture,
+        attempts=attempts, seed=seed, workers=workers, policy=chosen, pregrasp_picture=pregrasp_picture
     )
     factory = with_renderer(
         sim_station(objects, shakes=shakes, per_scene=per_scene, vary=randomized(vary)),
@@ -94,18 +116,40 @@ def collect_sim(
         print_json(report)
     else:
         added = report.attempts - report.resumed_from
+        held = counted(report.attempts, "attempt")
         console.print(
-            f"[bold]{dataset}[/]: session {report.session} holds {counted(report.attempts, 'attempt')}, {added} of "
-            f"them new, {report.successes} of these successful"
+            f"[bold]{dataset}[/]: session {report.session} holds {held}, {added} of them new, "
+            f"{report.successes} of these successful"
         )
+
+
+def collect_picture(
+    out: Annotated[Path, typer.Option("--out", help="Picture to write, a PNG file.")] = Path("station.png"),
+    objects: Objects = TRAINING_OBJECTS,
+    seed: Seed = 0,
+) -> None:
+    """Draw the whole simulated station from outside: arm, table and a scene of objects."""
+    if out.suffix.lower() != ".png":
+        raise CommandError(f"--out is {out}, expected a file name that ends in .png")
+    if not out.parent.is_dir():
+        raise CommandError(f"--out is {out}, and there is no folder {out.parent}: create it first")
+    from handsight.cli.wiring.scene_pictures import write_station_picture  # PyBullet, once the options are sound
+
+    write_station_picture(out, objects, seed)
+    console.print(f"[bold]{out}[/]: a scene of {objects} on the simulated station")
+
+
+def _check_engine(name: str, ray_address: str | None) -> None:
+    if name != "ray" and ray_address is not None:
+        raise CommandError(f"--ray-address {ray_address} goes with --engine ray, and the engine is {name}")
 
 
 def _engine(name: str, ray_address: str | None, workers: int) -> AbstractContextManager[Engine]:
     """The engine, reached before anything is written."""
     if name == "ray":
+        from handsight.jobs.ray_engine import ray_engine  # only where there is a cluster
+
         return ray_engine(ray_address, workers=workers)
-    if ray_address is not None:
-        raise CommandError(f"--ray-address {ray_address} goes with --engine ray, and the engine is {name}")
     return nullcontext(LOCAL)
 
 
@@ -118,6 +162,9 @@ def collect_with_progress(
     engine: Engine = LOCAL,
 ) -> CollectReport:
     """Collect behind a progress bar; Ctrl-C keeps what is finished and says how to go on."""
+    from handsight.collection.collector import collect
+    from handsight.datasets.store.repository import GraspRepository
+
     repository = GraspRepository.open_or_create(dataset)
     done = successes = 0
     with progress_bar("collect", settings.attempts) as bar:

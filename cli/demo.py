@@ -16,7 +16,7 @@ from handsight.cli.collect import collect_with_progress
 from handsight.cli.errors import CommandError
 from handsight.cli.evaluate import evaluate_model, print_results
 from handsight.cli.heatmap import heatmap_examples, latest_attempts
-from handsight.cli.options import NOVEL_OBJECTS, TRAINING_OBJECTS, Seed, Workers
+from handsight.cli.options import DEFAULT_METHOD, NOVEL_OBJECTS, TRAINING_OBJECTS, Seed, Workers
 from handsight.cli.output import console
 from handsight.cli.servo import write_trace
 from handsight.cli.train import describe, train_to_folder
@@ -30,12 +30,11 @@ from handsight.evaluation.evaluate import EvaluationSettings, TrialContextFactor
 from handsight.evaluation.results import ResultRow
 from handsight.servoing.methods.registry import METHODS
 from handsight.training.metrics import Metrics
-from handsight.training.run import RUN_RECORD, WEIGHTS, load_run
+from handsight.training.run import WEIGHTS, load_run
+from handsight.training.run_folder import RUN_RECORD
 from handsight.training.trainer import TrainSettings
 from handsight.viz.figures.results import results_figure
 from handsight.viz.recordings.heatmaps import write_heatmaps
-
-SHOWN_METHOD = "cem-1"
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,7 +151,7 @@ def _record(paths: DemoPaths, release: str, rows: list[ResultRow], settings: Eva
     factory = TrialContextFactory(open_station=sim_station(NOVEL_OBJECTS), run=paths.run)
     results = _read_results(paths.results)
     number = _most_telling_trial(results["trials"])
-    recording = record_trial(factory, SHOWN_METHOD, number, seed=settings.seed, servo=settings.servo)
+    recording = record_trial(factory, DEFAULT_METHOD, number, seed=settings.seed, servo=settings.servo)
     if recording is not None:
         write_trace(paths.trace, recording, paths.run)
     results_figure(rows, paths.figure)
@@ -164,12 +163,12 @@ def _most_telling_trial(trials: list[dict[str, Any]]) -> int:
     A success where random grasping failed, ended by the threshold and not by the step limit, after many moves.
     """
     lost = {trial["number"] for trial in trials if trial["method"] == "random" and not trial["success"]}
-    limit = METHODS[SHOWN_METHOD].max_steps
+    limit = METHODS[DEFAULT_METHOD].max_steps
 
     def telling(trial: dict[str, Any]) -> tuple[bool, bool, bool, int]:
         return trial["success"], trial["number"] in lost, trial["moves"] < limit, trial["moves"]
 
-    return int(max((one for one in trials if one["method"] == SHOWN_METHOD), key=telling)["number"])
+    return int(max((one for one in trials if one["method"] == DEFAULT_METHOD), key=telling)["number"])
 
 
 def _show(paths: DemoPaths, release: str, rows: list[ResultRow]) -> None:

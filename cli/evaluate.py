@@ -4,34 +4,51 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from handsight.cli.options import NOVEL_OBJECTS, Json, Model, Objects, Workers
+from handsight.cli.options import (
+    DEFAULT_THRESHOLD,
+    EVALUATION_SEED,
+    NOVEL_OBJECTS,
+    Json,
+    Model,
+    Objects,
+    Threshold,
+    TrialSeed,
+    Workers,
+)
 from handsight.cli.output import console, print_json, print_table, progress_bar
-from handsight.cli.wiring.stations import sim_station
-from handsight.evaluation.evaluate import EvaluationSettings, TrialContextFactory, evaluate, method_names
-from handsight.evaluation.results import ResultRow, result_rows
-from handsight.servoing.loop import ServoSettings
-from handsight.servoing.methods.registry import METHODS
-from handsight.training.run import load_run
+from handsight.training.run_folder import check_finished_run
+
+if TYPE_CHECKING:
+    # PyTorch and PyBullet take seconds; nothing is imported where there is no run.
+    from handsight.evaluation.evaluate import EvaluationSettings
+    from handsight.evaluation.results import ResultRow
 
 
 def evaluate_command(
     model: Model,
-    methods: Annotated[str, typer.Option(help="Comma-separated servo methods.")] = ",".join(METHODS),
+    methods: Annotated[
+        str | None, typer.Option(metavar="A,B,C", help="Servo methods; all there are unless given.")
+    ] = None,
     objects: Objects = NOVEL_OBJECTS,
     trials: Annotated[int, typer.Option("--trials", "-n", help="Trials of each method.")] = 100,
     station: Annotated[Literal["sim"], typer.Option(help="Where to try.")] = "sim",
-    threshold: Annotated[float, typer.Option(help="Predicted success at which the grasp is executed.")] = 0.95,
-    seed: Annotated[int, typer.Option(help="Scenes and starting poses follow from it.")] = 1_000_000,
+    threshold: Threshold = DEFAULT_THRESHOLD,
+    seed: TrialSeed = EVALUATION_SEED,
     workers: Workers = 2,
     as_json: Json = False,
 ) -> None:
     """Compare servo methods on the same scenes and starting poses (section V-B.2)."""
+    check_finished_run(model)
+    from handsight.evaluation.evaluate import EvaluationSettings, method_names
+    from handsight.servoing.loop import ServoSettings
+    from handsight.servoing.methods.registry import METHODS
+
     settings = EvaluationSettings(
-        methods=tuple(method_names(methods)),
+        methods=tuple(METHODS if methods is None else method_names(methods)),
         trials=trials,
         seed=seed,
         workers=workers,
@@ -46,6 +63,11 @@ def evaluate_command(
 
 def evaluate_model(model: Path, objects: str, settings: EvaluationSettings) -> dict[str, Any]:
     """Run the trials behind a progress bar; returns what ``evaluate --json`` prints."""
+    from handsight.cli.wiring.stations import sim_station
+    from handsight.evaluation.evaluate import TrialContextFactory, evaluate
+    from handsight.evaluation.results import result_rows
+    from handsight.training.run import load_run
+
     run = load_run(model)
     factory = TrialContextFactory(open_station=sim_station(objects), run=model)
     with progress_bar("evaluate", settings.trials * len(settings.methods)) as bar:

@@ -4,21 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from handsight.cli.options import Dataset, Model
-from handsight.cli.output import console, progress_bar
-from handsight.datasets.errors import counted
-from handsight.datasets.reading.reader import GraspDataset
-from handsight.datasets.views import station_view
-from handsight.servoing.heatmap import grasp_heatmap
-from handsight.training.run import load_run
-from handsight.viz.examples import HeatmapExample
-from handsight.viz.figures.montage import montage_figure
-from handsight.viz.figures.style import check_figure_path
-from handsight.viz.recordings.heatmaps import write_heatmaps
+from handsight.cli.opening import checked_address, open_version
+from handsight.cli.options import Dataset, Ids, Model
+from handsight.cli.output import console, counted, progress_bar
+from handsight.training.run_folder import check_finished_run
+
+if TYPE_CHECKING:
+    # PyTorch and Rerun take seconds; nothing is imported where there is no dataset or no run.
+    from handsight.datasets.reading.reader import GraspDataset
+    from handsight.viz.examples import HeatmapExample
 
 COLUMNS = 4
 """Examples in one picture."""
@@ -27,11 +25,9 @@ COLUMNS = 4
 def heatmap_command(
     dataset: Dataset,
     model: Model,
-    attempts: Annotated[
-        list[str] | None, typer.Argument(metavar="[ATTEMPT]...", help="Attempt ids; the last few when left out.")
-    ] = None,
+    attempts: Ids = None,
     out: Annotated[Path, typer.Option("--out", help="Recording to write, for 'rerun FILE'.")] = Path("heatmaps.rrd"),
-    count: Annotated[int, typer.Option("--count", "-n", min=1, help="How many, when no ids are given.")] = 8,
+    count: Annotated[int, typer.Option("--count", "-n", min=1, help="How many of the latest, without ids.")] = 8,
     spacing_px: Annotated[int, typer.Option("--spacing", help="Pixels between the points of the map.")] = 8,
     picture: Annotated[
         Path | None,
@@ -39,10 +35,17 @@ def heatmap_command(
     ] = None,
 ) -> None:
     """Write a recording of grasp heatmaps over the overhead pictures of a dataset."""
+    checked_address(dataset)
+    check_finished_run(model)
+    from handsight.datasets.reading.attempt_ids import resolve_attempt_ids
+    from handsight.viz.figures.montage import montage_figure
+    from handsight.viz.figures.style import check_figure_path
+    from handsight.viz.recordings.heatmaps import write_heatmaps
+
     if picture is not None:
         check_figure_path(picture, ".png")
-    opened = GraspDataset.open(dataset)
-    chosen = attempts or latest_attempts(opened, count)
+    opened = open_version(dataset)
+    chosen = resolve_attempt_ids(opened, attempts) if attempts else latest_attempts(opened, count)
     examples = heatmap_examples(opened, chosen, model, spacing_px=spacing_px)
     write_heatmaps(out, examples)
     console.print(f"[bold]{out}[/]: heatmaps of {counted(len(chosen), 'attempt')}; open it with 'rerun {out}'")
@@ -61,6 +64,11 @@ def heatmap_examples(
     dataset: GraspDataset, attempts: Sequence[str], model: Path, *, spacing_px: int = 8
 ) -> list[HeatmapExample]:
     """Score the overhead pictures of some attempts."""
+    from handsight.datasets.views import station_view
+    from handsight.servoing.heatmap import grasp_heatmap
+    from handsight.training.run import load_run
+    from handsight.viz.examples import HeatmapExample
+
     run = load_run(model)
     scorer = run.scorer()
     examples = []

@@ -9,25 +9,42 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.markup import escape
 
-from handsight.cli.options import Json
-from handsight.cli.output import console, errors, print_json, print_table, progress_bar
+from handsight.cli.lazy import LazyCommand, LazyGroup, lazy_app
+from handsight.cli.options import DryRun, Json
+from handsight.cli.output import console, counted, errors, escaped, print_json, print_table, progress_bar
 from handsight.collection.errors import MeshImportError
-from handsight.collection.sim.objects.catalogue import list_object_sets
-from handsight.datasets.errors import counted
 
 if TYPE_CHECKING:
     # Trimesh and CoACD are slow to import, and listing sets needs neither.
     from handsight.collection.sim.objects.meshes.importer import ImportReport
     from handsight.collection.sim.objects.meshes.plan import ImportPlan, SkippedMesh
 
-objects_app = typer.Typer(help="Object sets of the simulated station.", no_args_is_help=True)
+
+class ObjectsGroup(LazyGroup):
+    """Everything behind ``handsight objects``."""
+
+    table = (
+        LazyCommand("ls", "objects:ls", "List the object sets on this machine.", ("handsight objects ls",)),
+        LazyCommand(
+            "import",
+            "objects:import_meshes",
+            "Make an object set of a folder of meshes.",
+            (
+                "handsight objects import meshes --name kitchen --dry-run",
+                "handsight objects import meshes --name kitchen --scale 0.001 --skip-bad",
+            ),
+        ),
+    )
 
 
-@objects_app.command("ls")
+objects_app = lazy_app(ObjectsGroup, help="Object sets of the simulated station.")
+
+
 def ls(as_json: Json = False) -> None:
     """List the object sets on this machine."""
+    from handsight.collection.sim.objects import list_object_sets  # OpenCV and NumPy, once it is called
+
     sets = list_object_sets()
     if as_json:
         print_json(sets)
@@ -36,7 +53,6 @@ def ls(as_json: Json = False) -> None:
         print_table(("set", "objects", "licence", "what"), rows)
 
 
-@objects_app.command("import")
 def import_meshes(
     folder: Annotated[Path, typer.Argument(help="Folder with obj, stl, ply or glb files.")],
     name: Annotated[str, typer.Option("--name", help="Name of the set from now on.")],
@@ -46,7 +62,7 @@ def import_meshes(
     density: Annotated[float, typer.Option(help="Mass per enclosed volume [kg/m3].")] = 400.0,
     plain: Annotated[bool, typer.Option("--plain", help="Leave materials, textures and colours unread.")] = False,
     skip_bad: Annotated[bool, typer.Option("--skip-bad", help="Leave bad meshes out instead of refusing all.")] = False,
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="Check and list the meshes, and write nothing.")] = False,
+    dry_run: DryRun = False,
     as_json: Json = False,
 ) -> None:
     """Check meshes, cut them into convex parts, and keep them as an object set."""
@@ -98,8 +114,9 @@ def _show_plan(plan: ImportPlan, *, as_json: bool) -> None:
     ]
     print_table(("object", "size [mm]", "mass [g]", "triangles", "looks", "file"), rows)
     what = "was imported before, nothing would change" if plan.reused else "would be made"
-    count = counted(len(plan.objects), "object")
-    console.print(f"object set [bold]{plan.name}[/] with {count} {what} ({escape(str(plan.folder))})")
+    console.print(
+        f"object set [bold]{plan.name}[/] with {counted(len(plan.objects), 'object')} {what} ({escaped(plan.folder)})"
+    )
 
 
 def _show_report(report: ImportReport, *, as_json: bool) -> None:
@@ -111,7 +128,7 @@ def _show_report(report: ImportReport, *, as_json: bool) -> None:
 
 
 def _show_set(made: ImportPlan | ImportReport, what: str) -> None:
-    folder = escape(str(made.folder))
+    folder = escaped(made.folder)
     console.print(f"object set [bold]{made.name}[/] with {counted(len(made.objects), 'object')} {what} ({folder})")
 
 

@@ -1,9 +1,9 @@
-"""Options that several commands share."""
+"""Options and arguments that several commands share, with what they default to."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -11,11 +11,49 @@ TRAINING_OBJECTS = "household-train"
 """What is grasped where training data are collected."""
 NOVEL_OBJECTS = "household-test"
 """What is grasped where methods are compared: objects that training never saw."""
+DEFAULT_METHOD = "cem-1"
+"""How a network servoes unless another method is named."""
+DEFAULT_THRESHOLD = 0.95
+"""Predicted success at which is grasped; ``ServoSettings`` has it too, and a test that they agree."""
+EVALUATION_SEED = 1_000_000
+"""Where trials begin; ``EvaluationSettings`` has it too, and a test that they agree."""
 
+# Where a dataset is, and which version of it.
 Dataset = Annotated[str, typer.Argument(metavar="DATASET[@REF]", help="Dataset folder, optionally at a version.")]
 DatasetPath = Annotated[str, typer.Argument(metavar="DATASET", help="Dataset folder, or s3://bucket/prefix.")]
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON value instead of text.")]
+DatasetBranch = Annotated[
+    str, typer.Argument(metavar="DATASET[@BRANCH]", help="Dataset folder, optionally at a branch.")
+]
+TargetBranch = Annotated[str, typer.Option("--branch", help="Branch of the target that moves.")]
+NewBranch = Annotated[
+    str, typer.Option("--branch", help="Name of the branch to make; the version itself stays as it is.")
+]
+
+# Which attempts.
+Ids = Annotated[
+    list[str] | None,
+    typer.Argument(metavar="[ATTEMPT]...", help="Ids as printed by ls, unique beginnings of them, or numbers."),
+]
+Where = Annotated[
+    str, typer.Option("--where", metavar="EXPRESSION", help="Attempts for which this holds: \"target == 'cup'\".")
+]
+Filter = Annotated[str, typer.Option("--filter", metavar="NAME", help="Attempts of a saved filter.")]
+
+# Who changes a dataset, why, and whether at all.
+Author = Annotated[
+    str,
+    typer.Option("--author", envvar="HANDSIGHT_AUTHOR", help="Who did it.", show_default="the user's name"),
+]
+Reason = Annotated[str, typer.Option("--reason", "-m", help="Why; kept with the decision.")]
+Message = Annotated[str, typer.Option("--message", "-m", help="What it is for; kept with the version.")]
+DryRun = Annotated[bool, typer.Option("--dry-run", help="Check and say what would be done, and do nothing.")]
+
+# Networks, and how they servo.
 Model = Annotated[Path, typer.Option("--model", metavar="RUN", help="Folder of a trained run.")]
+Threshold = Annotated[float, typer.Option(help="Predicted success at which the grasp is executed.")]
+TrialSeed = Annotated[int, typer.Option("--seed", help="Scenes and starting poses follow from it.")]
+
+# The simulated station, and who works on it.
 Seed = Annotated[int, typer.Option("--seed", help="Everything random follows from it.")]
 Workers = Annotated[int, typer.Option("--workers", "-w", help="Processes, each with a station of its own.")]
 Objects = Annotated[str, typer.Option("--objects", metavar="SET", help="Object set; see 'handsight objects ls'.")]
@@ -23,3 +61,13 @@ PerScene = Annotated[
     int | None,
     typer.Option("--objects-per-scene", help="Objects in a scene; unless given 5, and 10 for the clutter sets."),
 ]
+Renderer = Annotated[
+    Literal["tiny", "egl", "auto"],
+    typer.Option(
+        "--renderer",
+        help="Who draws: tiny gives the same bytes on every machine, egl needs OpenGL, auto times both and takes egl "
+        "where it is a tenth faster.",
+    ),
+]
+
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON value instead of text.")]

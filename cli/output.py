@@ -1,4 +1,7 @@
-"""What commands print: text for people or one JSON value for programs, and progress on standard error."""
+"""What commands print: text for people or one JSON value for programs, and progress on standard error.
+
+Rich is imported with the first line that is printed: a refusal prints none, and ``--help`` needs none.
+"""
 
 from __future__ import annotations
 
@@ -8,27 +11,50 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, is_dataclass
 from datetime import datetime
+from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from rich.console import Console
-from rich.markup import escape
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    TaskID,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
-from rich.table import Table
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.progress import Progress, TaskID
 
-console = Console(highlight=False, soft_wrap=True)
-"""Standard output. Wide when it is no terminal: a pipe should not see wrapped tables."""
-if not console.is_terminal:
-    console.width = 240
-errors = Console(stderr=True, highlight=False)
+
+class Output:
+    """Standard output or standard error, with Rich's markup."""
+
+    def __init__(self, **settings: Any) -> None:
+        self._settings = settings
+
+    @cached_property
+    def rich(self) -> Console:
+        """Rich's console. Wide when it is no terminal: a pipe should not see wrapped tables."""
+        from rich.console import Console
+
+        made = Console(highlight=False, **self._settings)
+        if not made.is_terminal and not made.stderr:
+            made.width = 240
+        return made
+
+    def print(self, *objects: object, **options: Any) -> None:
+        """Print a line; options are those of Rich's ``Console.print``."""
+        self.rich.print(*objects, **options)
+
+
+console = Output(soft_wrap=True)
+errors = Output(stderr=True)
+
+
+def escaped(text: object) -> str:
+    """A text without markup: in a file's name, ``[bold]`` is a word in brackets."""
+    from rich.markup import escape
+
+    return escape(str(text))
+
+
+def counted(count: int, noun: str) -> str:
+    """A number of things: ``1 attempt``, ``2 attempts``."""
+    return f"{count} {noun}{'' if count == 1 else 's'}"
 
 
 def print_json(value: Any) -> None:
@@ -50,12 +76,14 @@ def _plain(value: Any) -> Any:
 
 def print_table(columns: Sequence[str], rows: Sequence[Sequence[str]], *, title: str | None = None) -> None:
     """A table; the first column is never wrapped, columns of numbers are aligned right."""
+    from rich.table import Table
+
     table = Table(title=title, title_justify="left", box=None, pad_edge=False, header_style="bold")
     for index, name in enumerate(columns):
         numeric = bool(rows) and all(row[index].lstrip("-")[:1].isdigit() or row[index] in ("", "-") for row in rows)
-        table.add_column(escape(name), justify="right" if numeric else "left", no_wrap=index == 0, overflow="fold")
+        table.add_column(escaped(name), justify="right" if numeric else "left", no_wrap=index == 0, overflow="fold")
     for row in rows:
-        table.add_row(*map(escape, row))
+        table.add_row(*map(escaped, row))
     console.print(table)
 
 
@@ -82,6 +110,15 @@ class Bar:
 @contextmanager
 def progress_bar(label: str, total: int) -> Iterator[Bar]:
     """Show a bar on standard error while the block runs."""
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
+
     progress = Progress(
         TextColumn("[bold]{task.description:<10}"),
         BarColumn(bar_width=32),
@@ -90,8 +127,8 @@ def progress_bar(label: str, total: int) -> Iterator[Bar]:
         TextColumn("left"),
         TimeRemainingColumn(),
         TextColumn("{task.fields[note]}"),
-        console=errors,
-        disable=not errors.is_terminal,
+        console=errors.rich,
+        disable=not errors.rich.is_terminal,
     )
     with progress:
         yield Bar(progress, progress.add_task(label, total=total, note=""))

@@ -3,40 +3,53 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
-import numpy as np
 import typer
-from numpy.typing import NDArray
 
 from handsight.cli.errors import CommandError
-from handsight.cli.options import NOVEL_OBJECTS, Model, Objects
+from handsight.cli.options import (
+    DEFAULT_METHOD,
+    DEFAULT_THRESHOLD,
+    EVALUATION_SEED,
+    NOVEL_OBJECTS,
+    Model,
+    Objects,
+    Threshold,
+    TrialSeed,
+)
 from handsight.cli.output import console, progress_bar
-from handsight.cli.wiring.scene_pictures import servo_pictures
-from handsight.cli.wiring.stations import sim_station
-from handsight.evaluation.evaluate import TrialContextFactory, record_trial
-from handsight.evaluation.trial import TrialRecording
-from handsight.servoing.heatmap import Heatmap, grasp_heatmap
-from handsight.servoing.loop import ServoSettings
-from handsight.servoing.methods.registry import servo_method
-from handsight.training.run import load_run
-from handsight.viz.recordings.servo_trace import write_servo_trace
+from handsight.training.run_folder import check_finished_run
+
+if TYPE_CHECKING:
+    # PyTorch, PyBullet and Rerun take seconds; nothing is imported where there is no run.
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from handsight.evaluation.trial import TrialRecording
 
 
 def servo_command(
     model: Model,
     out: Annotated[Path, typer.Option("--out", help="Recording to write, for 'rerun FILE'.")] = Path("servo.rrd"),
-    method: Annotated[str, typer.Option(help="Servo method.")] = "cem-1",
+    method: Annotated[str, typer.Option(help="Servo method.")] = DEFAULT_METHOD,
     trial: Annotated[int, typer.Option(min=0, help="Which trial; begins like the same trial of 'evaluate'.")] = 0,
     objects: Objects = NOVEL_OBJECTS,
     station: Annotated[Literal["sim"], typer.Option(help="Where to servo.")] = "sim",
-    threshold: Annotated[float, typer.Option(help="Predicted success at which the grasp is executed.")] = 0.95,
-    seed: Annotated[int, typer.Option(help="Scene and starting pose follow from seed and trial.")] = 1_000_000,
+    threshold: Threshold = DEFAULT_THRESHOLD,
+    seed: TrialSeed = EVALUATION_SEED,
     scene_camera: Annotated[
         bool, typer.Option("--scene-camera", help="Also record the whole station from outside at every step.")
     ] = False,
 ) -> None:
     """Servo once from a random pose, grasp, and record every step."""
+    check_finished_run(model)
+    from handsight.cli.wiring.scene_pictures import servo_pictures
+    from handsight.cli.wiring.stations import sim_station
+    from handsight.evaluation.evaluate import TrialContextFactory, record_trial
+    from handsight.servoing.loop import ServoSettings
+    from handsight.servoing.methods.registry import servo_method
+
     servo_method(method)
     simulated = sim_station(objects)
     factory = TrialContextFactory(open_station=simulated, run=model)
@@ -56,9 +69,13 @@ def write_trace(
     out: Path, recording: TrialRecording, model: Path, outside: list[NDArray[np.uint8]] | None = None
 ) -> None:
     """Write the recording, with a heatmap for every step, and a picture from outside where there are any."""
+    from handsight.servoing.heatmap import grasp_heatmap
+    from handsight.training.run import load_run
+    from handsight.viz.recordings.servo_trace import write_servo_trace
+
     run = load_run(model)
     scorer = run.scorer()
-    heatmaps: list[Heatmap] = []
+    heatmaps = []
     with progress_bar("heatmaps", len(recording.trace.steps)) as bar:
         for step in recording.trace.steps:
             heatmaps.append(grasp_heatmap(step.view, scorer, grid=run.grid))

@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from handsight.cli.opening import checked_address, open_version
 from handsight.cli.options import Dataset, Json, Seed
-from handsight.cli.output import console, print_json, progress_bar
-from handsight.datasets.errors import counted
-from handsight.datasets.inputs.materialize import GraspInputs, materialize
-from handsight.datasets.reading.reader import GraspDataset
-from handsight.servoing.homography import InputGrid
-from handsight.training.gqn import GqnConfig
-from handsight.training.metrics import Metrics
-from handsight.training.run import DataOrigin, check_run_folder, save_run
-from handsight.training.trainer import Epoch, TrainSettings, train
+from handsight.cli.output import console, counted, print_json, progress_bar
+from handsight.training.run_folder import check_run_folder
+
+if TYPE_CHECKING:
+    # PyTorch takes seconds; nothing is imported where there is no dataset, or no place for a run.
+    from handsight.datasets.inputs.materialize import GraspInputs
+    from handsight.datasets.reading.reader import GraspDataset
+    from handsight.servoing.homography import InputGrid
+    from handsight.training.metrics import Metrics
+    from handsight.training.trainer import Epoch, TrainSettings
 
 
 def train_command(
@@ -32,8 +34,13 @@ def train_command(
     as_json: Json = False,
 ) -> None:
     """Train a network on a version of a dataset (section V-A)."""
+    checked_address(dataset)
+    check_run_folder(out)
+    from handsight.training.gqn import GqnConfig
+    from handsight.training.trainer import TrainSettings
+
     settings = TrainSettings(network=GqnConfig(channels=channels), epochs=epochs, batch=batch, seed=seed)
-    final = train_to_folder(GraspDataset.open(dataset), dataset, out, settings, viewpoint=viewpoint)
+    final = train_to_folder(open_version(dataset), dataset, out, settings, viewpoint=viewpoint)
     if as_json:
         print_json({"run": out, "epoch": final})
     else:
@@ -43,9 +50,9 @@ def train_command(
 def describe(held_out: Metrics) -> str:
     """How good the network is, in words."""
     if held_out.accuracy is None or held_out.auc is None:
-        return f"too few attempts kept aside ({held_out.attempts}) to say how good it is"
-    count = counted(held_out.attempts, "attempt")
-    return f"balanced accuracy {held_out.accuracy:.2f}, AUC {held_out.auc:.2f} on {count} kept aside"
+        return f"too few attempts held out ({held_out.attempts}) to say how good it is"
+    held = f"{counted(held_out.attempts, 'attempt')} held out"
+    return f"balanced accuracy {held_out.accuracy:.2f}, AUC {held_out.auc:.2f} on {held}"
 
 
 def train_to_folder(
@@ -53,6 +60,10 @@ def train_to_folder(
 ) -> Epoch:
     """Materialize, train and save behind progress bars; returns the last epoch."""
     check_run_folder(out)
+    from handsight.servoing.homography import InputGrid
+    from handsight.training.run import DataOrigin, save_run
+    from handsight.training.trainer import train
+
     grid = InputGrid(size_px=settings.network.size_px)
     data = _materialize(dataset, viewpoint, grid)
     with progress_bar("train", settings.epochs) as bar:
@@ -70,5 +81,7 @@ def train_to_folder(
 
 
 def _materialize(dataset: GraspDataset, viewpoint: Literal["overhead", "pregrasp"], grid: InputGrid) -> GraspInputs:
+    from handsight.datasets.inputs.materialize import materialize
+
     with progress_bar("warp", len(dataset.attempts)) as bar:
         return materialize(dataset, viewpoint=viewpoint, grid=grid, on_attempt=bar.advance)

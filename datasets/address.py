@@ -10,7 +10,7 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-from handsight.datasets.errors import AddressError
+from handsight.datasets.errors import AddressError, DatasetNotFoundError, NotADatasetError
 
 DEFAULT_REF = "main"
 """The branch that is read where the address names no ref."""
@@ -81,6 +81,32 @@ class DatasetAddress:
 
     def __str__(self) -> str:
         return f"{self.path}@{self.ref}"
+
+
+def looks_like_dataset(location: Location) -> bool:
+    """Whether a dataset can be there, as far as can be told without Icechunk: in a bucket always."""
+    return isinstance(location, S3Prefix) or (location / "refs").is_dir()
+
+
+def check_dataset_folder(location: Location) -> None:
+    """Refuse a local path where no dataset can be, before Icechunk is imported; what is in a bucket is not asked.
+
+    Raises:
+        DatasetNotFoundError: Nothing is there.
+        NotADatasetError: The path is a file or a folder that is no dataset.
+    """
+    if not looks_like_dataset(location):
+        raise no_dataset_at(location)
+
+
+def no_dataset_at(location: Location) -> DatasetNotFoundError | NotADatasetError:
+    """The error of a location at which there is no dataset."""
+    if isinstance(location, S3Prefix) or not location.exists():
+        return DatasetNotFoundError(
+            f"there is no dataset at {location}: create it with 'handsight dataset init {location}'"
+        )
+    kind = "a folder that is no dataset" if location.is_dir() else "a file"
+    return NotADatasetError(f"{location} is {kind}, expected a dataset folder: check the path")
 
 
 def cache_folder() -> Path:

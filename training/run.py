@@ -17,11 +17,11 @@ from handsight.datasets.atomic import atomic_file
 from handsight.servoing.homography import InputGrid
 from handsight.training.errors import CheckpointError
 from handsight.training.gqn import GqnConfig, GraspQualityNetwork, Scorer
+from handsight.training.run_folder import RUN_RECORD, check_finished_run, check_run_folder
 from handsight.training.trainer import Epoch, TrainSettings
 
 RUN_VERSION = 1
 WEIGHTS = "model.safetensors"
-RUN_RECORD = "run.json"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,18 +66,6 @@ class TrainedRun:
         return Scorer(self.network)
 
 
-def check_run_folder(folder: Path) -> None:
-    """Refuse a place where a run cannot be written, before hours are spent on training.
-
-    Raises:
-        CheckpointError: A file is in the way, or the folder holds other things.
-    """
-    if folder.is_file():
-        raise CheckpointError(f"{folder} is a file, expected a new folder for the run: choose another --out")
-    if folder.is_dir() and any(folder.iterdir()) and not (folder / RUN_RECORD).exists():
-        raise CheckpointError(f"{folder} holds other files, expected a new or empty folder: choose another --out")
-
-
 def save_run(
     folder: Path,
     network: GraspQualityNetwork,
@@ -104,9 +92,7 @@ def load_run(folder: str | Path) -> TrainedRun:
         CheckpointError: The folder is missing, is no run, or is damaged or newer than this handsight.
     """
     folder = Path(folder)
-    if not (folder / RUN_RECORD).is_file():
-        what = "holds no finished run" if folder.is_dir() else "is no folder"
-        raise CheckpointError(f"{folder} {what} ({RUN_RECORD} is missing): train one with 'handsight train'")
+    check_finished_run(folder)
     try:
         record = json.loads((folder / RUN_RECORD).read_text(encoding="utf-8"))
         _check_version(folder, record["run_version"])

@@ -1,85 +1,214 @@
-"""``handsight dataset``: create, look into and release datasets."""
+"""``handsight dataset``: its commands, one file for each group of them."""
 
 from __future__ import annotations
 
-from typing import Annotated
+from handsight.cli.lazy import LazyCommand, LazyGroup, lazy_app
 
-import typer
-
-from handsight.cli.dataset import curation, exchange, inspect, integrity, suspect, versions
-from handsight.cli.options import Dataset, DatasetPath, Json
-from handsight.cli.output import console, print_json, print_table
-from handsight.datasets.address import DatasetAddress
-from handsight.datasets.errors import counted
-from handsight.datasets.reading.reader import GraspDataset
-from handsight.datasets.store.repository import GraspRepository
-
-dataset_app = typer.Typer(help="Create, inspect and release grasp datasets.", no_args_is_help=True)
-
-
-@dataset_app.command("init")
-def init(dataset: DatasetPath) -> None:
-    """Create an empty dataset; refuses a place where something is already."""
-    GraspRepository.create(dataset)
-    console.print(f"created an empty dataset at [bold]{dataset}[/]")
-
-
-@dataset_app.command("info")
-def info(dataset: Dataset, as_json: Json = False) -> None:
-    """Summarise a version: size, balance, digest."""
-    facts = GraspDataset.open(dataset).info()
-    if as_json:
-        print_json(facts)
-        return
-    labelled = facts.outcomes["held"] + facts.outcomes["empty"]
-    share = f" ({facts.successes / labelled:.1%} of {labelled} labelled)" if labelled else ""
-    rows = [
-        ("version", f"{facts.ref} ({facts.snapshot})"),
-        ("attempts", f"{facts.attempts} in {counted(facts.sessions, 'session')}"),
-        ("successes", f"{facts.successes}{share}"),
-        ("outcomes", ", ".join(f"{count} {name}" for name, count in facts.outcomes.items())),
-        ("excluded", str(facts.excluded)),
-        ("objects", f"{sum(count > 0 for count in facts.objects.values())} targeted of {len(facts.objects)}"),
-        ("on disk", f"{facts.bytes / 1e6:.1f} MB"),
-        ("schema", str(facts.schema_version)),
-        ("digest", facts.digest),
-    ]
-    for name, value in rows:
-        console.print(f"[bold]{name:<10}[/] {value}")
-
-
-@dataset_app.command("log")
-def log(dataset: Dataset, as_json: Json = False) -> None:
-    """List the commits of a version, newest first."""
-    address = DatasetAddress.parse(dataset)
-    entries = GraspRepository.open(address.path).log(address.ref)
-    if as_json:
-        print_json(entries)
-        return
-    rows = [
+COMMANDS = (
+    # Make and name versions.
+    LazyCommand(
+        "init",
+        "dataset.versions:init",
+        "Create an empty dataset.",
+        ("handsight dataset init grasps", "handsight dataset init s3://lab/week/grasps"),
+    ),
+    LazyCommand(
+        "release",
+        "dataset.versions:release",
+        "Give a version an immutable name.",
+        ("handsight dataset release grasps v1 -m 'first hundred'", "handsight dataset release grasps@trial v2"),
+    ),
+    LazyCommand(
+        "branch",
+        "dataset.versions:branch",
+        "Create, list or delete branches.",
         (
-            entry.snapshot_id,
-            f"{entry.written_at:%Y-%m-%d %H:%M:%S}",
-            f"{entry.attempts_added}",
-            ", ".join(entry.refs),
-            entry.message,
-        )
-        for entry in entries
-    ]
-    print_table(("snapshot", "written (UTC)", "added", "refs", "message"), rows)
+            "handsight dataset branch grasps",
+            "handsight dataset branch grasps@v1 trial",
+            "handsight dataset branch grasps trial --delete",
+        ),
+    ),
+    LazyCommand(
+        "diff",
+        "dataset.versions:diff",
+        "Compare two versions.",
+        ("handsight dataset diff grasps@v1 main", "handsight dataset diff grasps@v1 copy@v1 --json"),
+    ),
+    LazyCommand(
+        "revert",
+        "dataset.versions:revert_command",
+        "Give a branch the content of another version.",
+        ("handsight dataset revert grasps v1 --dry-run", "handsight dataset revert grasps v1 -m 'back to v1'"),
+    ),
+    LazyCommand(
+        "migrate",
+        "dataset.versions:migrate_command",
+        "Bring a version of an older schema forward.",
+        ("handsight dataset migrate grasps@v1 --branch newest",),
+    ),
+    # Look into one.
+    LazyCommand(
+        "info",
+        "dataset.inspect:info",
+        "Summarise a version: size, balance, digest.",
+        ("handsight dataset info grasps", "handsight dataset info grasps@v1 --json"),
+    ),
+    LazyCommand(
+        "log",
+        "dataset.inspect:log",
+        "List the commits of a version, newest first.",
+        ("handsight dataset log grasps",),
+    ),
+    LazyCommand(
+        "ls",
+        "dataset.inspect:ls",
+        "List attempts.",
+        (
+            "handsight dataset ls grasps --where \"target == 'cup' and success\"",
+            "handsight dataset ls grasps --sort contact_force_n --reverse -n 5",
+            "handsight dataset ls grasps --filter slips --ids",
+        ),
+    ),
+    LazyCommand(
+        "show",
+        "dataset.inspect:show",
+        "Print everything known of an attempt.",
+        ("handsight dataset show grasps 92", "handsight dataset show grasps 92 --picture attempt.png"),
+    ),
+    LazyCommand(
+        "stats",
+        "dataset.inspect:stats",
+        "Show how labels are spread.",
+        ("handsight dataset stats grasps", "handsight dataset stats grasps@v1 --plot stats.png"),
+    ),
+    # Decide which attempts count.
+    LazyCommand(
+        "exclude",
+        "dataset.curation:exclude",
+        "Keep attempts out of training.",
+        (
+            "handsight dataset exclude grasps 92 93 -m 'camera moved'",
+            "handsight dataset exclude grasps --where 'contact_force_n > 40' -m collision --dry-run",
+        ),
+    ),
+    LazyCommand(
+        "restore",
+        "dataset.curation:restore",
+        "Take excluded attempts back in.",
+        ("handsight dataset restore grasps 92 -m 'looked again'",),
+    ),
+    LazyCommand(
+        "relabel",
+        "dataset.curation:relabel",
+        "Correct labels.",
+        (
+            "handsight dataset relabel grasps 92 --to failure -m 'the gripper closed on itself'",
+            "handsight dataset relabel grasps 92 --to recorded -m 'it was right'",
+        ),
+    ),
+    LazyCommand(
+        "undo",
+        "dataset.curation:undo",
+        "Revert a curation decision.",
+        ("handsight dataset undo grasps", "handsight dataset undo grasps 3 -m 'wrong filter'"),
+    ),
+    LazyCommand(
+        "decisions",
+        "dataset.curation:decisions",
+        "List the decisions of curation, oldest first.",
+        ("handsight dataset decisions grasps",),
+    ),
+    LazyCommand(
+        "filter",
+        "dataset.curation:filter_command",
+        "Save, list or forget filters: named --where expressions.",
+        (
+            "handsight dataset filter grasps slips --where 'width_final_m < 0.004 and not success'",
+            "handsight dataset filter grasps",
+            "handsight dataset filter grasps slips --delete",
+        ),
+    ),
+    LazyCommand(
+        "folds",
+        "dataset.folds:folds",
+        "Make, check or list the folds that are stored in a version.",
+        ("handsight dataset folds grasps cv5 --by object -k 5", "handsight dataset folds grasps"),
+    ),
+    LazyCommand(
+        "suspect",
+        "dataset.suspect:suspect",
+        "List the attempts whose label is doubtful.",
+        ("handsight dataset suspect grasps -n 40 --rrd suspects.rrd",),
+    ),
+    # Check and repair.
+    LazyCommand(
+        "doctor",
+        "dataset.integrity:doctor_command",
+        "Check a version for what spoils training.",
+        ("handsight dataset doctor grasps", "handsight dataset doctor grasps --deep --resimulate 20"),
+    ),
+    LazyCommand(
+        "verify",
+        "dataset.integrity:verify_command",
+        "Compare every stored byte with what was recorded.",
+        ("handsight dataset verify grasps -j 4",),
+    ),
+    LazyCommand(
+        "repair",
+        "dataset.integrity:repair_command",
+        "Replace damaged attempts on a new branch.",
+        ("handsight dataset repair grasps --branch repaired --resimulate",),
+    ),
+    LazyCommand(
+        "gc",
+        "dataset.integrity:gc",
+        "Delete files that no version needs.",
+        ("handsight dataset gc grasps --dry-run", "handsight dataset gc grasps --older-than 2h"),
+    ),
+    LazyCommand(
+        "expire",
+        "dataset.integrity:expire_command",
+        "Drop old commits from the history.",
+        ("handsight dataset expire grasps --older-than 7d --dry-run",),
+    ),
+    # In other forms and other places.
+    LazyCommand(
+        "export",
+        "dataset.exchange:export_command",
+        "Write a version in another format.",
+        (
+            "handsight dataset export grasps@v1 grasps.hdf5 -f hdf5",
+            "handsight dataset export grasps@v1 plain.zarr -f zarr",
+        ),
+    ),
+    LazyCommand(
+        "import",
+        "dataset.exchange:import_command",
+        "Add what another format holds to a dataset.",
+        (
+            "handsight dataset import grasps.hdf5 grasps --dry-run",
+            "handsight dataset import pictures grasps -f images",
+        ),
+    ),
+    LazyCommand(
+        "merge",
+        "dataset.exchange:merge_command",
+        "Copy sessions of one dataset into another.",
+        ("handsight dataset merge monday@v1 week", "handsight dataset merge monday week --dry-run"),
+    ),
+    LazyCommand(
+        "materialize",
+        "dataset.exchange:materialize_command",
+        "Make the network inputs of a version.",
+        ("handsight dataset materialize grasps@v1 --viewpoint overhead --size 64",),
+    ),
+)
 
 
-@dataset_app.command("release")
-def release(
-    dataset: Dataset,
-    name: Annotated[str, typer.Argument(help="Name of the release, such as v1; never to be used again.")],
-    message: Annotated[str, typer.Option("--message", "-m", help="What it is for.")] = "",
-) -> None:
-    """Give a version an immutable name."""
-    address = DatasetAddress.parse(dataset)
-    made = GraspRepository.open(address.path).release(name, address.ref, message)
-    console.print(f"released {address.path}@[bold]{made.name}[/] (snapshot {made.snapshot_id})")
+class DatasetGroup(LazyGroup):
+    """Everything behind ``handsight dataset``."""
+
+    table = COMMANDS
 
 
-for group in (inspect, curation, versions, integrity, exchange, suspect):
-    group.register(dataset_app)
+dataset_app = lazy_app(DatasetGroup, help="Create, inspect and release grasp datasets.")

@@ -1,52 +1,26 @@
-"""``handsight dataset exclude|restore|relabel|undo|decisions|filter|folds``: what a curator decides."""
+"""``handsight dataset exclude|restore|relabel|undo|decisions|filter``: what a curator decides."""
 
 from __future__ import annotations
 
-import getpass
-from dataclasses import dataclass
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from handsight.cli.options import Dataset, Json, Seed
-from handsight.cli.output import console, print_json, print_table
-from handsight.datasets.address import DatasetAddress
-from handsight.datasets.curation.curator import Curator
-from handsight.datasets.curation.folds import Folds, Grouping, fold_names, make_folds, read_folds
-from handsight.datasets.curation.saved_filters import forget_filter, save_filter
-from handsight.datasets.errors import counted
-from handsight.datasets.format.decisions import Decision
-from handsight.datasets.format.saved_filters import read_filters
-from handsight.datasets.reading.reader import GraspDataset
-from handsight.datasets.reading.selection import Selection, matches
-from handsight.datasets.store.repository import GraspRepository
+from handsight.cli.dataset.author import author_named
+from handsight.cli.opening import open_repository, open_version
+from handsight.cli.options import Author, Dataset, DatasetBranch, DryRun, Filter, Ids, Json, Reason, Where
+from handsight.cli.output import console, counted, print_json, print_table
 
-Branch = Annotated[str, typer.Argument(metavar="DATASET[@BRANCH]", help="Dataset folder, optionally at a branch.")]
-Ids = Annotated[list[str] | None, typer.Argument(metavar="[ID]...", help="Attempts, as printed by ls.")]
-Where = Annotated[
-    str, typer.Option("--where", metavar="EXPRESSION", help="Attempts for which this holds: \"target == 'cup'\".")
-]
-Filter = Annotated[str, typer.Option("--filter", metavar="NAME", help="Attempts of a saved filter.")]
-Reason = Annotated[str, typer.Option("--reason", "-m", help="Why; kept with the decision.")]
-Author = Annotated[
-    str, typer.Option("--author", envvar="HANDSIGHT_AUTHOR", help="Who decides.", show_default="the user's name")
-]
-DryRun = Annotated[bool, typer.Option("--dry-run", help="Say what would be done, and do nothing.")]
-
-
-def register(app: typer.Typer) -> None:
-    """Add the commands to ``handsight dataset``."""
-    app.command("exclude")(exclude)
-    app.command("restore")(restore)
-    app.command("relabel")(relabel)
-    app.command("undo")(undo)
-    app.command("decisions")(decisions)
-    app.command("filter")(filter_command)
-    app.command("folds")(folds)
+if TYPE_CHECKING:
+    # These take a second to import; a command does so once its dataset is known to be there.
+    from handsight.datasets.curation.curator import Curator
+    from handsight.datasets.format.decisions import Decision
+    from handsight.datasets.reading.reader import GraspDataset
+    from handsight.datasets.reading.selection import Selection
 
 
 def exclude(
-    dataset: Branch,
+    dataset: DatasetBranch,
     ids: Ids = None,
     *,
     reason: Reason,
@@ -57,12 +31,13 @@ def exclude(
     as_json: Json = False,
 ) -> None:
     """Keep attempts out of training; nothing is deleted, and 'restore' or 'undo' takes them back."""
-    decided = _curator(dataset, author).exclude(_selection(ids, where, filter), reason, dry_run=dry_run)
+    curator, which = _curator(dataset, author), _selection(dataset, ids, where, filter)
+    decided = curator.exclude(which, reason, dry_run=dry_run)
     _report("excluded", decided, dry_run=dry_run, as_json=as_json)
 
 
 def restore(
-    dataset: Branch,
+    dataset: DatasetBranch,
     ids: Ids = None,
     *,
     reason: Reason,
@@ -73,12 +48,13 @@ def restore(
     as_json: Json = False,
 ) -> None:
     """Take excluded attempts back in."""
-    decided = _curator(dataset, author).restore(_selection(ids, where, filter), reason, dry_run=dry_run)
+    curator, which = _curator(dataset, author), _selection(dataset, ids, where, filter)
+    decided = curator.restore(which, reason, dry_run=dry_run)
     _report("restored", decided, dry_run=dry_run, as_json=as_json)
 
 
 def relabel(
-    dataset: Branch,
+    dataset: DatasetBranch,
     ids: Ids = None,
     *,
     label: Annotated[
@@ -94,7 +70,7 @@ def relabel(
     """Correct labels; the recorded ones are kept."""
     if label not in ("success", "failure", "recorded"):
         raise typer.BadParameter(f"the label is {label!r}, expected success, failure or recorded", param_hint="--to")
-    curator, which = _curator(dataset, author), _selection(ids, where, filter)
+    curator, which = _curator(dataset, author), _selection(dataset, ids, where, filter)
     if label == "recorded":
         decided = curator.unlabel(which, reason, dry_run=dry_run)
     else:
@@ -103,14 +79,14 @@ def relabel(
 
 
 def undo(
-    dataset: Branch,
+    dataset: DatasetBranch,
     number: Annotated[int | None, typer.Argument(help="Decision to undo; the latest unless given.")] = None,
     *,
     reason: Reason = "undone",
     author: Author = "",
     as_json: Json = False,
 ) -> None:
-    """Revert a curation decision; undoing the undo brings it back."""
+    """Revert a curation decision, the latest unless one is named; undoing the undo brings it back."""
     decided = _curator(dataset, author).undo(number, reason)
     if as_json:
         print_json(_decision_json(decided, counts=True))
@@ -120,7 +96,7 @@ def undo(
 
 def decisions(dataset: Dataset, as_json: Json = False) -> None:
     """List the decisions of curation, oldest first."""
-    overlay = GraspDataset.open(dataset).overlay
+    overlay = open_version(dataset).overlay
     if as_json:
         print_json([_decision_json(one, counts=one.number not in overlay.undone) for one in overlay.decisions])
         return
@@ -148,72 +124,25 @@ def filter_command(
     as_json: Json = False,
 ) -> None:
     """Save, list or forget named --where expressions."""
-    address = DatasetAddress.parse(dataset)
-    repository = GraspRepository.open(address.path)
+    repository, ref = open_repository(dataset)
+    from handsight.datasets.curation.saved_filters import forget_filter, save_filter  # a second; see above
+
     if name and delete:
-        forget_filter(repository, name, branch=address.ref)
+        forget_filter(repository, name, branch=ref)
         console.print(f"forgot filter [bold]{name}[/]")
     elif name and where:
-        found = save_filter(repository, name, where, author=_author(author), branch=address.ref, replace=replace)
-        console.print(f"saved filter [bold]{name}[/]: {counted(found, 'attempt')} matching now")
+        found = save_filter(repository, name, where, author=author_named(author), branch=ref, replace=replace)
+        console.print(f"saved filter [bold]{name}[/]: {counted(found, 'attempt')} match now")
     elif name:
         raise typer.BadParameter("give the filter an expression, or --delete it", param_hint="--where")
     else:
-        _list_views(GraspDataset.open(address), as_json=as_json)
+        _list_filters(open_version(dataset), as_json=as_json)
 
 
-def folds(
-    dataset: Dataset,
-    name: Annotated[str, typer.Argument(help="Folds to make or to check; without it, all are listed.")] = "",
-    by: Annotated[
-        Grouping | None, typer.Option("--by", help="Make the folds: what is never split between two.")
-    ] = None,
-    count: Annotated[int, typer.Option("--count", "-k", help="How many folds.")] = 5,
-    seed: Seed = 0,
-    replace: Annotated[bool, typer.Option("--replace", help="Make them anew under the same name.")] = False,
-    author: Author = "",
-    as_json: Json = False,
-) -> None:
-    """Make, check or list the folds that are stored in a version."""
-    address = DatasetAddress.parse(dataset)
-    repository = GraspRepository.open(address.path)
-    if name and by:
-        make_folds(
-            repository, name, by=by, count=count, seed=seed, author=_author(author), branch=address.ref, replace=replace
-        )
-    opened = GraspDataset.open(address)
-    names = [name] if name else fold_names(repository.root(opened.snapshot_id))
-    rows = [row for one in names for row in _fold_rows(opened, read_folds(opened, one))]
-    if as_json:
-        print_json(rows)
-        return
-    cells = [
-        (row.folds, row.by, str(row.fold), str(row.attempts), f"{row.successes / row.attempts:.1%}") for row in rows
-    ]
-    print_table(("folds", "by", "fold", "attempts", "successful"), cells)
+def _list_filters(dataset: GraspDataset, *, as_json: bool) -> None:
+    from handsight.datasets.format.saved_filters import read_filters  # a second; see above
+    from handsight.datasets.reading.selection import matches
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _FoldRow:
-    folds: str
-    by: str
-    fold: int
-    attempts: int
-    successes: int
-
-
-def _fold_rows(dataset: GraspDataset, folds: Folds) -> list[_FoldRow]:
-    success = dataset.attempts["success"][folds.fold.index].astype(bool)
-    rows = []
-    for fold in range(folds.count):
-        labels = success[folds.fold == fold]
-        rows.append(
-            _FoldRow(folds=folds.name, by=folds.by, fold=fold, attempts=len(labels), successes=int(labels.sum()))
-        )
-    return rows
-
-
-def _list_views(dataset: GraspDataset, *, as_json: bool) -> None:
     filters = read_filters(dataset.repository.root(dataset.snapshot_id))
     counts = {name: int(matches(dataset.attempts, where).sum()) for name, where in filters.items()}
     if as_json:
@@ -225,16 +154,20 @@ def _list_views(dataset: GraspDataset, *, as_json: bool) -> None:
 
 
 def _curator(dataset: str, author: str) -> Curator:
-    address = DatasetAddress.parse(dataset)
-    return Curator(GraspRepository.open(address.path), author=_author(author), branch=address.ref)
+    repository, branch = open_repository(dataset)
+    from handsight.datasets.curation.curator import Curator  # a second; see above
+
+    return Curator(repository, author=author_named(author), branch=branch)
 
 
-def _author(author: str) -> str:
-    return author or getpass.getuser()
+def _selection(dataset: str, ids: list[str] | None, where: str, filter: str) -> Selection:
+    """The attempts meant, ids written out."""
+    version = open_version(dataset) if ids else None
+    from handsight.datasets.reading.attempt_ids import resolve_attempt_ids  # a second; see above
+    from handsight.datasets.reading.selection import Selection
 
-
-def _selection(ids: list[str] | None, where: str, filter: str) -> Selection:
-    return Selection(ids=tuple(ids or ()), where=where, filter=filter)
+    whole = () if version is None else resolve_attempt_ids(version, ids or ())
+    return Selection(ids=tuple(whole), where=where, filter=filter)
 
 
 def _report(verb: str, decided: Decision | None, *, dry_run: bool, as_json: bool) -> None:

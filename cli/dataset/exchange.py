@@ -4,47 +4,33 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from handsight.cli.options import Dataset, Json
-from handsight.cli.output import console, print_json, progress_bar
-from handsight.datasets.address import DatasetAddress
-from handsight.datasets.errors import counted
-from handsight.datasets.exchange.commands import export_dataset, import_dataset
-from handsight.datasets.exchange.formats import EXPORT_FORMATS, FORMATS
-from handsight.datasets.exchange.merge import merge
-from handsight.datasets.exchange.transfer import TransferReport
-from handsight.datasets.format.schema import VIEWPOINTS, Viewpoint
-from handsight.datasets.reading.reader import GraspDataset
-from handsight.datasets.store.repository import GraspRepository
+from handsight.cli.opening import checked_address, open_repository, open_version
+from handsight.cli.options import Dataset, DryRun, Json, TargetBranch
+from handsight.cli.output import console, counted, print_json, progress_bar
 
-_IMPORTED = "; ".join(f"{one.name}: {one.description}" for one in FORMATS)
+if TYPE_CHECKING:
+    # These take a second to import; a command does so once its dataset is known to be there.
+    from handsight.datasets.exchange.transfer import TransferReport
 
-Branch = Annotated[str, typer.Option("--branch", help="Branch of the target that moves.")]
 AllowMismatch = Annotated[
     bool, typer.Option("--allow-mismatch", help="Take sessions recorded with another camera, mount or gripper.")
 ]
-DryRun = Annotated[bool, typer.Option("--dry-run", help="Check and report, and change nothing.")]
-
-
-def register(app: typer.Typer) -> None:
-    """Add the commands to ``handsight dataset``."""
-    app.command("export")(export_command)
-    app.command("import")(import_command)
-    app.command("merge")(merge_command)
-    app.command("materialize")(materialize_command)
 
 
 def export_command(
     dataset: Dataset,
     target: Annotated[Path, typer.Argument(help="File or folder to make; nothing may be there.")],
-    format: Annotated[str, typer.Option("--format", "-f", help=f"One of {', '.join(EXPORT_FORMATS)}.")],
+    format: Annotated[str, typer.Option("--format", "-f", help="One of hdf5, zarr, lerobot.")],
     as_json: Json = False,
 ) -> None:
     """Write a version, curation included, in another format."""
-    version = GraspDataset.open(dataset)
+    version = open_version(dataset)
+    from handsight.datasets.exchange.commands import export_dataset  # a second; see above
+
     attempts = sum(session.attempts for session in version.sessions)
     with progress_bar("export", attempts) as bar:
         export_dataset(version, target, format=format, on_attempt=bar.advance)
@@ -57,24 +43,28 @@ def export_command(
 def import_command(
     source: Annotated[Path, typer.Argument(help="File or folder to import.")],
     dataset: Annotated[str, typer.Argument(metavar="DATASET", help="Where to; made where there is none.")],
-    format: Annotated[str | None, typer.Option("--format", "-f", help=f"Instead of looking: {_IMPORTED}.")] = None,
-    branch: Branch = "main",
+    format: Annotated[
+        str | None, typer.Option("--format", "-f", help="One of hdf5, zarr, lerobot, images, instead of looking.")
+    ] = None,
+    branch: TargetBranch = "main",
     allow_mismatch: AllowMismatch = False,
     dry_run: DryRun = False,
     as_json: Json = False,
 ) -> None:
     """Add what another format holds to a dataset: all of it or, after any fault, nothing."""
-    with progress_bar("import", 0) as bar:
-        report = import_dataset(
-            source,
-            dataset,
-            format=format,
-            branch=branch,
-            allow_mismatch=allow_mismatch,
-            dry_run=dry_run,
-            on_total=partial(bar.of, 0),
-            on_attempt=bar.advance,
-        )
+    from handsight.datasets.exchange.commands import import_dataset  # a second; see above
+
+    report = import_dataset(source, dataset, format=format, branch=branch, allow_mismatch=allow_mismatch, dry_run=True)
+    if not dry_run:
+        with progress_bar("import", report.transfer.attempts) as bar:
+            report = import_dataset(
+                source,
+                dataset,
+                format=report.format,
+                branch=branch,
+                allow_mismatch=allow_mismatch,
+                on_attempt=bar.advance,
+            )
     if as_json:
         print_json({"format": report.format, "created": report.created, **_as_json(report.transfer)})
         return
@@ -87,25 +77,29 @@ def merge_command(
     session: Annotated[
         list[str] | None, typer.Option("--session", "-s", help="ULID of a session to copy; repeat it. All by default.")
     ] = None,
-    branch: Branch = "main",
+    branch: TargetBranch = "main",
     allow_mismatch: AllowMismatch = False,
     dry_run: DryRun = False,
     as_json: Json = False,
 ) -> None:
     """Copy sessions of one dataset into another; those it has already are left out."""
-    version = GraspDataset.open(source)
-    target = GraspRepository.open(DatasetAddress.parse(dataset).path)
-    with progress_bar("merge", 0) as bar:
-        report = merge(
-            version,
-            target,
-            sessions=session,
-            branch=branch,
-            allow_mismatch=allow_mismatch,
-            dry_run=dry_run,
-            on_total=partial(bar.of, 0),
-            on_attempt=bar.advance,
-        )
+    checked_address(dataset)
+    version = open_version(source)
+    target, _ = open_repository(dataset)
+    from handsight.datasets.exchange.merge import merge  # a second; see above
+
+    plan = merge(version, target, sessions=session, branch=branch, allow_mismatch=allow_mismatch, dry_run=True)
+    report = plan
+    if not dry_run:
+        with progress_bar("merge", plan.attempts) as bar:
+            report = merge(
+                version,
+                target,
+                sessions=session,
+                branch=branch,
+                allow_mismatch=allow_mismatch,
+                on_attempt=bar.advance,
+            )
     if as_json:
         print_json(_as_json(report))
         return
@@ -115,31 +109,23 @@ def merge_command(
 def materialize_command(
     dataset: Dataset,
     viewpoint: Annotated[
-        str, typer.Option("--viewpoint", help=f"Picture to warp: {' or '.join(VIEWPOINTS)}.")
+        Literal["overhead", "pregrasp"], typer.Option(help="Picture that is warped to the grasp.")
     ] = "pregrasp",
     size_px: Annotated[int, typer.Option("--size", help="Side of the inputs [px].")] = 64,
     as_json: Json = False,
 ) -> None:
     """Make the network inputs of a version, and print where they are."""
-    # Imported here: PyTorch takes seconds, and the other commands for datasets run where it is not installed.
-    from handsight.datasets.inputs.materialize import materialize
+    version = open_version(dataset)
+    from handsight.datasets.inputs.materialize import materialize  # PyTorch, two seconds more
     from handsight.servoing.homography import InputGrid
 
-    version = GraspDataset.open(dataset)
     with progress_bar("warp", sum(session.attempts for session in version.sessions)) as bar:
-        data = materialize(version, viewpoint=_view(viewpoint), grid=InputGrid(size_px=size_px), on_attempt=bar.advance)
+        data = materialize(version, viewpoint=viewpoint, grid=InputGrid(size_px=size_px), on_attempt=bar.advance)
     facts = {"file": data.file, "shape": list(data.inputs.shape), "successes": int(data.labels.sum())}
     if as_json:
         print_json(facts)
         return
     console.print(f"{counted(len(data.inputs), 'input')} of {dataset} in [bold]{data.file}[/]")
-
-
-def _view(name: str) -> Viewpoint:
-    for viewpoint in VIEWPOINTS:
-        if viewpoint == name:
-            return viewpoint
-    raise typer.BadParameter(f"viewpoint is {name!r}, expected {' or '.join(VIEWPOINTS)}", param_hint="--viewpoint")
 
 
 def _as_json(report: TransferReport) -> dict[str, object]:

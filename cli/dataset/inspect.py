@@ -1,22 +1,24 @@
-"""``handsight dataset ls|show``: attempts as a table, and one of them in full."""
+"""``handsight dataset info|log|ls|show|stats``: what a version holds, as a whole and attempt by attempt."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-import pandas as pd
 import typer
-from rich.console import Console
 
-from handsight.cli.dataset.curation import Filter, Where
 from handsight.cli.errors import CommandError
-from handsight.cli.options import Dataset, Json
-from handsight.cli.output import console, errors, print_json, print_table
-from handsight.datasets.errors import counted
-from handsight.datasets.reading.listing import Listed, Listing, list_attempts
-from handsight.datasets.reading.reader import GraspDataset
-from handsight.datasets.records import GraspAttempt, StationSpec
+from handsight.cli.opening import open_repository, open_version
+from handsight.cli.options import Dataset, Filter, Json, Where
+from handsight.cli.output import Output, console, counted, errors, print_json, print_table
+
+if TYPE_CHECKING:
+    # These take a second to import; a command does so once its dataset is known to be there.
+    import pandas as pd
+
+    from handsight.datasets.reading.listing import Listed, Listing
+    from handsight.datasets.reading.stats import LabelStats, Share
+    from handsight.datasets.records import GraspAttempt, StationSpec
 
 HEADINGS = {
     "outcome": "outcome",
@@ -30,10 +32,47 @@ HEADINGS = {
 """The columns that are shown unless others are asked for, and what stands over them."""
 
 
-def register(app: typer.Typer) -> None:
-    """Add the commands to ``handsight dataset``."""
-    app.command("ls")(ls)
-    app.command("show")(show)
+def info(dataset: Dataset, as_json: Json = False) -> None:
+    """Summarise a version: size, balance, digest."""
+    facts = open_version(dataset).info()
+    if as_json:
+        print_json(facts)
+        return
+    labelled = facts.outcomes["held"] + facts.outcomes["empty"]
+    share = f" ({facts.successes / labelled:.1%} of {labelled} labelled)" if labelled else ""
+    rows = [
+        ("version", f"{facts.ref} ({facts.snapshot})"),
+        ("attempts", f"{facts.attempts} in {counted(facts.sessions, 'session')}"),
+        ("successes", f"{facts.successes}{share}"),
+        ("outcomes", ", ".join(f"{count} {name}" for name, count in facts.outcomes.items())),
+        ("excluded", str(facts.excluded)),
+        ("objects", f"{sum(count > 0 for count in facts.objects.values())} targeted of {len(facts.objects)}"),
+        ("on disk", f"{facts.bytes / 1e6:.1f} MB"),
+        ("schema", str(facts.schema_version)),
+        ("digest", facts.digest),
+    ]
+    for name, value in rows:
+        console.print(f"[bold]{name:<10}[/] {value}")
+
+
+def log(dataset: Dataset, as_json: Json = False) -> None:
+    """List the commits of a version, newest first."""
+    repository, ref = open_repository(dataset)
+    entries = repository.log(ref)
+    if as_json:
+        print_json(entries)
+        return
+    rows = [
+        (
+            entry.snapshot_id,
+            f"{entry.written_at:%Y-%m-%d %H:%M:%S}",
+            f"{entry.attempts_added}",
+            ", ".join(entry.refs),
+            entry.message,
+        )
+        for entry in entries
+    ]
+    print_table(("snapshot", "written (UTC)", "added", "refs", "message"), rows)
 
 
 def ls(
@@ -54,6 +93,9 @@ def ls(
     """List attempts, excluded ones too: the newest of those that match, newest last."""
     if ids and columns:
         raise CommandError(f"--ids prints no columns, and --columns is {columns!r}: leave one of the two out")
+    version = open_version(dataset)
+    from handsight.datasets.reading.listing import Listing, list_attempts  # a second; see above
+
     listing = Listing(
         where=where,
         filter=filter,
@@ -62,7 +104,7 @@ def ls(
         columns=() if ids else _columns(columns, sort, as_json=as_json),
         limit=limit,
     )
-    found = list_attempts(GraspDataset.open(dataset), listing)
+    found = list_attempts(version, listing)
     if ids:
         keys = found.rows.index.tolist()
         print_json(keys) if as_json else console.print("\n".join(keys))
@@ -78,7 +120,9 @@ def ls(
 
 def show(
     dataset: Dataset,
-    attempt: Annotated[str, typer.Argument(help="Attempt id, as printed by ls.")],
+    attempt: Annotated[
+        str, typer.Argument(metavar="ATTEMPT", help="Id as printed by ls, a unique beginning of one, or a number.")
+    ],
     picture: Annotated[
         Path | None,
         typer.Option("--picture", metavar="FILE.png", help="Draw what was seen, and the grasp in it."),
@@ -86,10 +130,13 @@ def show(
     as_json: Json = False,
 ) -> None:
     """Print everything known of an attempt."""
+    opened = open_version(dataset)
+    from handsight.datasets.reading.attempt_ids import resolve_attempt_ids  # a second; see above
+
     if picture is not None:
         _check_picture(picture)
-    opened = GraspDataset.open(dataset)
-    recorded = opened.attempt(attempt)  # checks the id, and every stored byte against its checksum
+    (attempt,) = resolve_attempt_ids(opened, [attempt])
+    recorded = opened.attempt(attempt)  # checks every stored byte against its checksum
     facts = _json_row(opened.rows([attempt]).iloc[0])
     station = opened.station(attempt)
     if picture is not None:
@@ -106,7 +153,44 @@ def show(
         console.print(f"[bold]{picture}[/]: what was seen, and the grasp in it")
 
 
-# The next two import what draws when it is wanted: Matplotlib and PyTorch take seconds.
+def stats(
+    dataset: Dataset,
+    plot: Annotated[
+        Path | None,
+        typer.Option("--plot", metavar="FILE", help="Draw it, with place and time too, as .png or .svg."),
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Show how labels are spread over objects, sessions, angles, openings and forces."""
+    opened = open_version(dataset)
+    from handsight.datasets.reading.stats import label_stats  # a second; see above
+
+    if plot is not None:
+        _check_plot(plot)
+    found = label_stats(opened)
+    if plot is not None:
+        name = str(opened.repository.path).rpartition("/")[2]
+        _draw_stats(found, plot, f"{name}@{opened.ref}")
+    if as_json:
+        print_json(found)
+        return
+    console.print(
+        f"{found.successes} of {found.labelled} labelled attempts succeed; "
+        f"{found.unlabelled} carry no label, {found.excluded} are excluded"
+    )
+    for title, shares in (
+        ("object", found.objects),
+        ("session", found.sessions),
+        ("angle [rad]", found.angle_rad),
+        ("final opening [m]", found.width_m),
+        ("contact force [N]", found.force_n),
+    ):
+        print_table((title, "attempts", "successful"), [_share_row(share) for share in shares])
+    if plot is not None:
+        console.print(f"[bold]{plot}[/]: the same as a figure, with place and time")
+
+
+# The next four import what draws when it is wanted: Matplotlib and PyTorch take seconds.
 def _check_picture(path: Path) -> None:
     from handsight.viz.figures.style import check_figure_path
 
@@ -117,6 +201,23 @@ def _draw(path: Path, name: str, attempt: GraspAttempt, station: StationSpec, *,
     from handsight.viz.figures.attempt import attempt_figure
 
     attempt_figure(path, name, attempt, station, success=success)
+
+
+def _check_plot(path: Path) -> None:
+    from handsight.viz.figures.dataset import SUFFIXES
+    from handsight.viz.figures.style import check_figure_path
+
+    check_figure_path(path, *SUFFIXES)
+
+
+def _draw_stats(found: LabelStats, path: Path, title: str) -> None:
+    from handsight.viz.figures.dataset import stats_figure
+
+    stats_figure(found, path, title=title)
+
+
+def _share_row(share: Share) -> tuple[str, str, str]:
+    return share.name, str(share.attempts), f"{share.rate:.1%}" if share.attempts else "-"
 
 
 def _columns(text: str, sort: str, *, as_json: bool) -> tuple[str, ...] | None:
@@ -132,7 +233,7 @@ def _print_rows(found: Listed, *, headings: dict[str, str]) -> None:
     print_table(("attempt", *(headings.get(name, name) for name in names)), rows)
 
 
-def _print_counts(found: Listed, listing: Listing, to: Console) -> None:
+def _print_counts(found: Listed, listing: Listing, to: Output) -> None:
     """How many match and how many are shown; nothing where the table is all there is."""
     shown = len(found.rows)
     which = f"the {'first' if listing.sort else 'last'} {shown}"
@@ -152,12 +253,16 @@ def _json_row(row: pd.Series[Any]) -> dict[str, Any]:
 
 
 def _json_cell(value: Any) -> Any:
+    import pandas as pd  # here, as everything that is slow to import
+
     if isinstance(value, tuple):
         return list(value)
     return None if pd.isna(value) else value.isoformat() if isinstance(value, pd.Timestamp) else value
 
 
 def _cell(value: Any) -> str:
+    import pandas as pd  # here, as everything that is slow to import
+
     if isinstance(value, list | tuple):
         return ", ".join(map(str, value))
     if value is None or pd.isna(value):

@@ -1,96 +1,34 @@
-"""``handsight dataset stats|doctor|verify|repair|gc|expire``: is it sound, and what does it hold."""
+"""``handsight dataset doctor|verify|repair|gc|expire``: is a version sound, and what on disk is still needed."""
 
 from __future__ import annotations
 
-import getpass
 import os
 import re
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from handsight.cli.options import Dataset, DatasetPath, Json, Seed
-from handsight.cli.output import console, print_json, print_table, progress_bar
-from handsight.datasets.errors import counted
-from handsight.datasets.format.schema import VIEWPOINTS
-from handsight.datasets.integrity.doctor.examine import doctor
-from handsight.datasets.integrity.maintenance import collect_garbage, expire
-from handsight.datasets.integrity.repair import ResimulateAttempt, repair
-from handsight.datasets.integrity.verify import VerifyReport, verify
-from handsight.datasets.reading.reader import GraspDataset
-from handsight.datasets.reading.stats import LabelStats, Share, label_stats
-from handsight.datasets.store.repository import GraspRepository
+from handsight.cli.dataset.author import author_named
+from handsight.cli.opening import open_repository, open_version
+from handsight.cli.options import Author, Dataset, DatasetPath, DryRun, Json, NewBranch, Seed
+from handsight.cli.output import console, counted, print_json, print_table, progress_bar
+
+if TYPE_CHECKING:
+    # These take a second to import; a command does so once its dataset is known to be there.
+    from handsight.datasets.integrity.repair import ResimulateAttempt
+    from handsight.datasets.integrity.verify import VerifyReport
+    from handsight.datasets.reading.reader import GraspDataset
 
 ServoModel = Annotated[
     Path | None,
     typer.Option("--model", metavar="RUN", help="Run that chose the grasps of sessions with the servo policy."),
 ]
-DryRun = Annotated[bool, typer.Option("--dry-run", help="Say what would be done, and do nothing.")]
 _AGE = re.compile(r"(\d+)([smhdw])")
 _UNITS = {"s": "seconds", "m": "minutes", "h": "hours", "d": "days", "w": "weeks"}
-
-
-def register(app: typer.Typer) -> None:
-    """Add the commands to ``handsight dataset``."""
-    app.command("stats")(stats)
-    app.command("doctor")(doctor_command)
-    app.command("verify")(verify_command)
-    app.command("repair")(repair_command)
-    app.command("gc")(gc)
-    app.command("expire")(expire_command)
-
-
-def stats(
-    dataset: Dataset,
-    plot: Annotated[
-        Path | None,
-        typer.Option("--plot", metavar="FILE", help="Draw it, with place and time too, as .png or .svg."),
-    ] = None,
-    as_json: Json = False,
-) -> None:
-    """Show how labels are spread over objects, sessions, angles, openings and forces."""
-    if plot is not None:
-        _check_plot(plot)
-    opened = GraspDataset.open(dataset)
-    found = label_stats(opened)
-    if plot is not None:
-        name = str(opened.repository.path).rpartition("/")[2]
-        _draw_stats(found, plot, f"{name}@{opened.ref}")
-    if as_json:
-        print_json(found)
-        return
-    console.print(
-        f"{found.successes} of {counted(found.labelled, 'labelled attempt')} succeed; "
-        f"{found.unlabelled} carry no label, {found.excluded} are excluded"
-    )
-    for title, shares in (
-        ("object", found.objects),
-        ("session", found.sessions),
-        ("angle [rad]", found.angle_rad),
-        ("final opening [m]", found.width_m),
-        ("contact force [N]", found.force_n),
-    ):
-        print_table((title, "attempts", "successful"), [_share_row(share) for share in shares])
-    if plot is not None:
-        console.print(f"[bold]{plot}[/]: the same as a figure, with place and time")
-
-
-# The next two import what draws when it is wanted: Matplotlib and PyTorch take seconds.
-def _check_plot(path: Path) -> None:
-    from handsight.viz.figures.dataset import SUFFIXES
-    from handsight.viz.figures.style import check_figure_path
-
-    check_figure_path(path, *SUFFIXES)
-
-
-def _draw_stats(found: LabelStats, path: Path, title: str) -> None:
-    from handsight.viz.figures.dataset import stats_figure
-
-    stats_figure(found, path, title=title)
 
 
 def doctor_command(
@@ -103,8 +41,11 @@ def doctor_command(
     seed: Seed = 0,
     as_json: Json = False,
 ) -> None:
-    """Check whether a version can be learned from; exit 1 when there are errors or warnings."""
-    opened = GraspDataset.open(dataset)
+    """Check a version for what spoils training; exit 1 when there are errors or warnings."""
+    opened = open_version(dataset)
+    from handsight.datasets.format.schema import VIEWPOINTS  # a second; see above
+    from handsight.datasets.integrity.doctor.examine import doctor
+
     total = sum(int(opened.attempts[f"{viewpoint}_taken"].sum()) for viewpoint in VIEWPOINTS) if deep else 0
     with progress_bar("examine", total) as bar, _simulator(model, wanted=resimulate > 0) as simulate:
         found = doctor(
@@ -122,7 +63,7 @@ def doctor_command(
         if rows:
             print_table(("code", "severity", "finding", "attempts"), rows)
         console.print(
-            "no errors or warnings" if found.ok else "fix the findings above, or exclude what is bad, and run again"
+            "no errors or warnings" if found.ok else "fix the findings above or exclude their attempts, and run again"
         )
     if not found.ok:
         raise typer.Exit(1)
@@ -134,7 +75,7 @@ def verify_command(
     as_json: Json = False,
 ) -> None:
     """Read every stored byte and compare it with what was recorded; exit 1 when something is damaged."""
-    report = _verified(GraspDataset.open(dataset), jobs)
+    report = _verified(open_version(dataset), jobs)
     if as_json:
         print_json(
             {
@@ -153,30 +94,30 @@ def verify_command(
 
 def repair_command(
     dataset: Dataset,
-    branch: Annotated[
-        str, typer.Option("--branch", help="Name of the branch to make; the version itself stays as it is.")
-    ],
+    branch: NewBranch,
     resimulate: Annotated[
         bool, typer.Option("--resimulate", help="Bring damaged attempts back by simulating them again.")
     ] = False,
     model: ServoModel = None,
-    author: Annotated[str, typer.Option("--author", envvar="HANDSIGHT_AUTHOR", help="Who repairs.")] = "",
+    author: Author = "",
     as_json: Json = False,
 ) -> None:
     """Replace damaged attempts on a new branch: simulated again, or else set aside."""
-    opened = GraspDataset.open(dataset)
+    opened = open_version(dataset)
+    from handsight.datasets.integrity.repair import repair  # a second; see above
+
     report = _verified(opened, 0)
     if report.ok:
         console.print(f"nothing is damaged in {counted(report.checked, 'attempt')}: no branch was made")
         return
     with _simulator(model, wanted=resimulate) as simulate:
-        done = repair(opened, report, branch=branch, author=author or getpass.getuser(), resimulate=simulate)
+        done = repair(opened, report, branch=branch, author=author_named(author), resimulate=simulate)
     if as_json:
         print_json(done)
         return
+    simulated = counted(len(done.simulated), "attempt")
     console.print(
-        f"branch [bold]{done.branch}[/] ({done.snapshot}): {counted(len(done.simulated), 'attempt')} brought back by "
-        "simulation, "
+        f"branch [bold]{done.branch}[/] ({done.snapshot}): {simulated} brought back by simulation, "
         f"{len(done.lost)} lost and excluded"
     )
 
@@ -190,7 +131,11 @@ def gc(
     as_json: Json = False,
 ) -> None:
     """Delete files that no version needs: of killed writers, deleted branches and expired commits."""
-    report = collect_garbage(GraspRepository.open(dataset), _moment(older_than), dry_run=dry_run)
+    before = _moment(older_than)
+    repository, _ = open_repository(dataset)
+    from handsight.datasets.integrity.maintenance import collect_garbage  # a second; see above
+
+    report = collect_garbage(repository, before, dry_run=dry_run)
     if as_json:
         print_json(report)
         return
@@ -213,7 +158,11 @@ def expire_command(
     as_json: Json = False,
 ) -> None:
     """Drop old commits from the history; branches and releases keep their content. 'gc' then frees the space."""
-    report = expire(GraspRepository.open(dataset), _moment(older_than), dry_run=dry_run)
+    before = _moment(older_than)
+    repository, _ = open_repository(dataset)
+    from handsight.datasets.integrity.maintenance import expire  # a second; see above
+
+    report = expire(repository, before, dry_run=dry_run)
     if as_json:
         print_json(report)
         return
@@ -224,6 +173,8 @@ def expire_command(
 
 
 def _verified(dataset: GraspDataset, jobs: int) -> VerifyReport:
+    from handsight.datasets.integrity.verify import verify  # a second; see above
+
     with progress_bar("verify", sum(session.attempts for session in dataset.sessions)) as bar:
         return verify(dataset, jobs=jobs or os.cpu_count() or 1, on_checked=bar.reached)
 
@@ -235,10 +186,6 @@ def _print_verified(report: VerifyReport) -> None:
         console.print(damage)
     verdict = "as recorded" if report.ok else f"{len(report.corrupt)} of them corrupt"
     console.print(f"{counted(report.checked, 'attempt')}, {report.bytes / 1e6:.1f} MB read: {verdict}")
-
-
-def _share_row(share: Share) -> tuple[str, str, str]:
-    return share.name, str(share.attempts), f"{share.rate:.1%}" if share.attempts else "-"
 
 
 @contextmanager

@@ -1,32 +1,43 @@
-"""``handsight dataset diff|branch|revert``: moving between versions."""
+"""``handsight dataset init|release|branch|diff|revert|migrate``: versions, and moving between them."""
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from handsight.cli.options import Dataset, Json
-from handsight.cli.output import console, print_json, print_table
-from handsight.datasets.address import DatasetAddress
-from handsight.datasets.errors import RefNotFoundError, counted
-from handsight.datasets.integrity.migrate import migrate
-from handsight.datasets.reading.diff import Balance, VersionDiff, diff_versions
-from handsight.datasets.reading.reader import GraspDataset
-from handsight.datasets.store.branches import create_branch, delete_branch
-from handsight.datasets.store.repository import GraspRepository
-from handsight.datasets.writing.revert import revert
+from handsight.cli.opening import open_repository, open_version
+from handsight.cli.options import Dataset, DatasetBranch, DatasetPath, DryRun, Json, Message, NewBranch
+from handsight.cli.output import console, counted, print_json, print_table
+from handsight.datasets.errors import RefNotFoundError
+
+if TYPE_CHECKING:
+    # These take a second to import; a command does so once its dataset is known to be there.
+    from handsight.datasets.reading.diff import Balance, VersionDiff
+    from handsight.datasets.reading.reader import GraspDataset
+    from handsight.datasets.store.repository import GraspRepository
 
 _LISTED = 5
 """Ids shown of each list; --json has them all."""
 
 
-def register(app: typer.Typer) -> None:
-    """Add the commands to ``handsight dataset``."""
-    app.command("diff")(diff)
-    app.command("branch")(branch)
-    app.command("revert")(revert_command)
-    app.command("migrate")(migrate_command)
+def init(dataset: DatasetPath) -> None:
+    """Create an empty dataset; refuses a place where something is already."""
+    from handsight.datasets.store.repository import GraspRepository  # a second; see above
+
+    GraspRepository.create(dataset)
+    console.print(f"created an empty dataset at [bold]{dataset}[/]")
+
+
+def release(
+    dataset: Dataset,
+    name: Annotated[str, typer.Argument(help="Name of the release, such as v1; never to be used again.")],
+    message: Message = "",
+) -> None:
+    """Give a version an immutable name."""
+    repository, ref = open_repository(dataset)
+    made = repository.release(name, ref, message)
+    console.print(f"released {repository.path}@[bold]{made.name}[/] (snapshot {made.snapshot_id})")
 
 
 def diff(
@@ -38,9 +49,10 @@ def diff(
     as_json: Json = False,
 ) -> None:
     """Compare two versions: attempts added, excluded, restored, relabelled, and how the balance moved."""
-    first = DatasetAddress.parse(before)
-    repository = GraspRepository.open(first.path)
-    found = diff_versions(GraspDataset(repository, ref=first.ref), _version(repository, after))
+    first = open_version(before)
+    from handsight.datasets.reading.diff import diff_versions  # a second; see above
+
+    found = diff_versions(first, _version(first.repository, after))
     if as_json:
         print_json(found)
     else:
@@ -55,8 +67,9 @@ def branch(
     as_json: Json = False,
 ) -> None:
     """Create, list or delete branches."""
-    address = DatasetAddress.parse(dataset)
-    repository = GraspRepository.open(address.path)
+    repository, ref = open_repository(dataset)
+    from handsight.datasets.store.branches import create_branch, delete_branch  # a second; see above
+
     if not name:
         branches = repository.branches()
         if as_json:
@@ -66,24 +79,27 @@ def branch(
     elif delete:
         snapshot = delete_branch(repository, name, force=force)
         console.print(f"deleted branch [bold]{name}[/]; until the next gc it is back with")
-        console.print(f"  handsight dataset branch {address.path}@{snapshot} {name}")
+        console.print(f"  handsight dataset branch {repository.path}@{snapshot} {name}")
     else:
-        snapshot = create_branch(repository, name, address.ref)
+        snapshot = create_branch(repository, name, ref)
         console.print(f"branch [bold]{name}[/] begins at {snapshot}")
 
 
 def revert_command(
-    dataset: Annotated[str, typer.Argument(metavar="DATASET[@BRANCH]", help="The branch to change.")],
+    dataset: DatasetBranch,
     ref: Annotated[str, typer.Argument(help="Release, branch or snapshot whose content it shall have.")],
-    message: Annotated[str, typer.Option("--message", "-m", help="Of the commit.")] = "",
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="Show the difference, and do nothing.")] = False,
+    message: Message = "",
+    dry_run: DryRun = False,
     as_json: Json = False,
 ) -> None:
     """Give a branch the content of another version, in a new commit; nothing is lost, and it can be reverted."""
-    address = DatasetAddress.parse(dataset)
-    repository = GraspRepository.open(address.path)
-    found = diff_versions(GraspDataset(repository, ref=address.ref), GraspDataset(repository, ref=ref))
-    snapshot = None if dry_run else revert(repository, ref, branch=address.ref, message=message)
+    repository, branch_name = open_repository(dataset)
+    from handsight.datasets.reading.diff import diff_versions  # a second; see above
+    from handsight.datasets.reading.reader import GraspDataset
+    from handsight.datasets.writing.revert import revert
+
+    found = diff_versions(GraspDataset(repository, ref=branch_name), GraspDataset(repository, ref=ref))
+    snapshot = None if dry_run else revert(repository, ref, branch=branch_name, message=message)
     if as_json:
         print_json({"snapshot": snapshot, "diff": found})
         return
@@ -91,19 +107,21 @@ def revert_command(
     if dry_run:
         console.print("nothing was changed")
     elif snapshot is None:
-        console.print(f"{address.ref} has that content already")
+        console.print(f"{branch_name} has that content already")
     else:
-        console.print(f"{address.ref} is now at {snapshot}")
+        console.print(f"{branch_name} is now at {snapshot}")
 
 
 def _version(repository: GraspRepository, text: str) -> GraspDataset:
     """A ref of the dataset at hand or, where it has none of that name, the version that an address names."""
+    from handsight.datasets.reading.reader import GraspDataset  # a second; see above
+
     try:
         return GraspDataset(repository, ref=text)
     except RefNotFoundError:
         if "/" not in text and "@" not in text:
             raise
-        return GraspDataset.open(text)
+        return open_version(text)
 
 
 def _print_diff(found: VersionDiff) -> None:
@@ -127,18 +145,20 @@ def _share(balance: Balance) -> str:
 
 def migrate_command(
     dataset: Dataset,
-    branch: Annotated[str, typer.Option("--branch", help="Name of the branch to make; the version itself stays.")],
+    branch: NewBranch,
     as_json: Json = False,
 ) -> None:
-    """Upgrade a version of an older schema, on a new branch; every attempt keeps its id and digest."""
-    address = DatasetAddress.parse(dataset)
-    done = migrate(GraspRepository.open(address.path), branch, ref=address.ref)
+    """Bring a version of an older schema forward, on a new branch; every attempt keeps its id and digest."""
+    repository, ref = open_repository(dataset)
+    from handsight.datasets.integrity.migrate import migrate  # a second; see above
+
+    done = migrate(repository, branch, ref=ref)
     if as_json:
         print_json(done)
     elif done is None:
         console.print(f"{dataset} has the newest schema already: no branch was made")
     else:
         console.print(
-            f"branch [bold]{done.branch}[/] ({done.snapshot}): {counted(done.sessions, 'session')} upgraded from "
-            f"schema {done.schema_before} to {done.schema_after}"
+            f"branch [bold]{done.branch}[/] ({done.snapshot}): {counted(done.sessions, 'session')} brought from schema "
+            f"{done.schema_before} to {done.schema_after}"
         )

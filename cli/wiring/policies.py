@@ -1,7 +1,6 @@
 """Wires policy names to policies; the one place of collection that knows trained runs.
 
-Whatever brings PyTorch along is imported where a network is wired: it takes seconds, and collecting by chance has to
-run where it is not installed.
+PyTorch takes seconds to import: only the servo policy needs it, and only once its options are sound.
 """
 
 from __future__ import annotations
@@ -12,12 +11,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from handsight.cli.errors import CommandError
-from handsight.collection.policy import PregraspPolicy, UniformPolicy
+from handsight.cli.options import DEFAULT_METHOD
+from handsight.training.run_folder import check_finished_run
 
 if TYPE_CHECKING:
+    from handsight.collection.policy import PregraspPolicy
     from handsight.servoing.objective import ScoreInputs
 
-DEFAULT_METHOD = "cem-1"
 DEFAULT_RANDOM_SHARE = 0.3
 
 
@@ -59,16 +59,18 @@ def policy_named(
         extra = [option for option, value in given.items() if value is not None]
         if extra:
             raise CommandError(f"{', '.join(extra)} goes with --policy servo, and the policy is {name}")
+        from handsight.collection.policy import UniformPolicy
+
         return UniformPolicy()
     if model is None:
         raise CommandError("--policy servo needs a trained network: name its folder with --model RUN")
+    check_finished_run(model)
     from handsight.collection.servo_policy import ServoPolicy
     from handsight.servoing.loop import ServoSettings
     from handsight.servoing.methods.registry import servo_method
     from handsight.training.run import load_run
 
-    chosen = DEFAULT_METHOD if method is None else method
-    servoing = servo_method(chosen)
+    servoing = servo_method(DEFAULT_METHOD if method is None else method)
     run = load_run(model)
     return ServoPolicy(
         open_network=_network(model),
@@ -85,6 +87,8 @@ def recorded_policy(settings: dict[str, Any], model: Path | None) -> PregraspPol
         settings: What :meth:`PregraspPolicy.settings` gave.
         model: The run that the servo policy used, if it is at hand.
     """
+    from handsight.collection.policy import UniformPolicy
+
     rest = {name: value for name, value in settings.items() if name != "name"}
     if settings.get("name") == "uniform":
         return UniformPolicy(**rest)

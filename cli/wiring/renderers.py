@@ -1,4 +1,4 @@
-"""The option ``--renderer``, and what ``auto`` comes to.
+"""What the option ``--renderer`` comes to.
 
 A session has one renderer, known before it begins: it is part of the recorded configuration, by which a session is
 found again to go on with it.
@@ -7,9 +7,6 @@ found again to go on with it.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Annotated, Literal
-
-import typer
 
 from handsight.cli.output import errors
 from handsight.collection.sim.renderer import check_available, renderer_named
@@ -18,15 +15,6 @@ from handsight.collection.sim.station import SimStationFactory
 from handsight.datasets.errors import DatasetNotFoundError
 from handsight.datasets.format.header import canonical_json
 from handsight.datasets.reading.reader import GraspDataset
-
-Renderer = Annotated[
-    Literal["tiny", "egl", "auto"],
-    typer.Option(
-        "--renderer",
-        help="Who draws: tiny gives the same bytes on every machine, egl needs OpenGL, auto times both and takes egl "
-        "where it is a tenth faster.",
-    ),
-]
 
 
 def with_renderer(factory: SimStationFactory, wanted: str, *, dataset: str, seed: int) -> SimStationFactory:

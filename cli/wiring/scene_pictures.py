@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
-import typer
 from numpy.typing import NDArray
 
 from handsight.cli.errors import CommandError
-from handsight.cli.options import Objects, Seed
-from handsight.cli.output import console, progress_bar
+from handsight.cli.output import progress_bar
 from handsight.cli.wiring.stations import sim_station
 from handsight.collection.sim.config import SimConfig
 from handsight.collection.sim.scene_camera import SceneCamera
@@ -21,30 +19,25 @@ from handsight.collection.sim.table import wooden_table
 from handsight.servoing.planar import PlanarPose
 
 if TYPE_CHECKING:
-    # Brings PyTorch along, which ``collect`` has to do without.
-    from handsight.evaluation.trial import TrialRecording
+    from handsight.evaluation.trial import TrialRecording  # PyTorch, which the picture of a station needs not
 
 SHOWN_ANGLE_RAD = 0.35
 """Turns the hand camera towards the scene camera."""
 SHOWN_HEIGHT_M = 0.22
 
 
-def picture_command(
-    out: Annotated[Path, typer.Option("--out", help="Picture to write, a PNG file.")] = Path("station.png"),
-    objects: Objects = "household-train",
-    seed: Seed = 0,
-) -> None:
-    """Draw the whole simulated station from outside: arm, table and a scene of objects."""
-    if out.suffix.lower() != ".png":
-        raise CommandError(f"--out is {out}, expected a file name that ends in .png")
-    if not out.parent.is_dir():
-        raise CommandError(f"--out is {out}, and there is no folder {out.parent}: create it first")
+def write_station_picture(out: Path, objects: str, seed: int) -> None:
+    """Draw a scene of an object set on the station into a PNG file.
+
+    Raises:
+        ObjectSetError: There is no such object set.
+        CommandError: The picture cannot be encoded.
+    """
     picture = station_picture(sim_station(objects).config, seed)
     done, contents = cv2.imencode(".png", cv2.cvtColor(picture, cv2.COLOR_RGB2BGR))
     if not done:
         raise CommandError(f"the picture of shape {picture.shape} has no PNG encoding")
     out.write_bytes(contents.tobytes())
-    console.print(f"[bold]{out}[/]: a scene of {objects} on the simulated station")
 
 
 def station_picture(config: SimConfig, seed: int) -> NDArray[np.uint8]:

@@ -7,7 +7,7 @@ import uuid
 import icechunk
 import zarr
 
-from handsight.datasets.address import DEFAULT_REF, Location, S3Prefix
+from handsight.datasets.address import DEFAULT_REF, Location, S3Prefix, looks_like_dataset
 from handsight.datasets.errors import DatasetExistsError, NotADatasetError, SchemaError
 from handsight.datasets.format.provenance import utc_now
 from handsight.datasets.format.schema import SCHEMA_VERSION, SESSIONS
@@ -19,8 +19,7 @@ def is_icechunk_folder(path: Location) -> bool:
     """Whether an Icechunk store, ours or not, is there. Writes nothing."""
     # Icechunk creates the folder it is asked about, so it is asked only about folders that look like its own.
     with icechunk_errors(f"cannot open {path}"):
-        looks_like_one = isinstance(path, S3Prefix) or (path / "refs").is_dir()
-        return looks_like_one and icechunk.Repository.exists(storage_at(path))
+        return looks_like_dataset(path) and icechunk.Repository.exists(storage_at(path))
 
 
 def refuse_occupied(path: Location) -> None:

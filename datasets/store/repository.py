@@ -14,8 +14,7 @@ import icechunk
 import zarr
 from filelock import FileLock, Timeout
 
-from handsight.datasets.address import DEFAULT_REF, Location, S3Prefix, cache_folder, location_of
-from handsight.datasets.atomic import atomic_folder
+from handsight.datasets.address import DEFAULT_REF, Location, S3Prefix, cache_folder, location_of, no_dataset_at
 from handsight.datasets.errors import (
     CorruptDataError,
     DatasetBusyError,
@@ -118,11 +117,8 @@ class GraspRepository:
             SchemaError: The dataset was written by a newer handsight.
         """
         path = location_of(path)
-        if not path.exists() if isinstance(path, Path) else not is_icechunk_folder(path):
-            raise DatasetNotFoundError(f"there is no dataset at {path}: create it with 'handsight dataset init {path}'")
-        if isinstance(path, Path) and not is_icechunk_folder(path):
-            kind = "a folder that is no dataset" if path.is_dir() else "a file"
-            raise NotADatasetError(f"{path} is {kind}, expected a dataset folder: check the path")
+        if not is_icechunk_folder(path):
+            raise no_dataset_at(path)
         with icechunk_errors(f"cannot open {path}"):
             repository = cls(path, icechunk.Repository.open(storage_at(path)))
             attributes = repository.root(repository.resolve(DEFAULT_REF)).attrs.asdict()

@@ -8,20 +8,16 @@ from typing import Any
 
 import numpy as np
 import pytest
-import typer
 from tests.support.factories import make_attempt, make_header, record
 from typer.testing import CliRunner
 
-from handsight.cli.dataset import exchange
+from handsight.cli.dataset.app import dataset_app
 from handsight.datasets import GraspDataset, GraspRepository, InterchangeError, MergeError, SessionNotFoundError
-
-app = typer.Typer()
-exchange.register(app)
 
 
 def run(*words: object, error: type[Exception] | None = None) -> Any:
     """What a call prints, as JSON; or the error it ends in."""
-    result = CliRunner().invoke(app, [str(word) for word in words] + ["--json"])
+    result = CliRunner().invoke(dataset_app, [str(word) for word in words] + ["--json"])
     if error is not None:
         assert isinstance(result.exception, error), result.output
         return str(result.exception)
@@ -71,9 +67,9 @@ def test_materialize(grasps: Path, tmp_path: Path) -> None:
     facts = run("materialize", large, "--size", 16)
     inputs = np.load(facts["file"])
     assert list(inputs.shape) == facts["shape"] == [len(inputs), 4, 16, 16]
-    result = CliRunner().invoke(app, ["materialize", str(large), "--view", "side"])
+    result = CliRunner().invoke(dataset_app, ["materialize", str(large), "--viewpoint", "side"])
     assert result.exit_code == 2
-    assert "expected overhead or pregrasp" in result.output
+    assert "'side' is not one of 'overhead', 'pregrasp'" in " ".join(result.output.split())
 
 
 def test_bad_input_changes_nothing(grasps: Path, tmp_path: Path) -> None:

@@ -50,7 +50,7 @@ def json_of(capsys: pytest.CaptureFixture[str], *words: object) -> Any:
 def test_json_has_the_chosen_rows_and_all_columns(
     grasps: Path, table: pd.DataFrame, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    rows = json_of(capsys, "dataset", "ls", grasps, "--view", "held", "--where", "number > 4", "-n", 3)
+    rows = json_of(capsys, "dataset", "ls", grasps, "--filter", "held", "--where", "number > 4", "-n", 3)
     assert [row["number"] for row in rows] == [15, 20, 25]
     assert list(rows[0]) == ["attempt", *table.columns]
     everything = json_of(capsys, "dataset", "ls", grasps, "--limit", 0)
@@ -93,7 +93,7 @@ def test_sorting_shows_what_is_sorted_by(grasps: Path, table: pd.DataFrame, caps
         (["-n", "4"], "the last 4 of 30; --limit 0 shows all"),
         (["--where", "success"], "6 of 30 attempts match, all shown"),
         (["--where", "success", "-n", "2"], "6 of 30 attempts match; shown are the last 2; --limit 0 shows all"),
-        (["--view", "held", "--where", "excluded"], "1 of 30 attempts match, all shown"),
+        (["--filter", "held", "--where", "excluded"], "1 of 30 attempts match, all shown"),
         (["--where", "number > 99"], "0 of 30 attempts match"),
         (
             ["--where", "success", "--sort", "number", "-n", "1"],
@@ -146,7 +146,7 @@ def mistakes(grasps: Path, table: pd.DataFrame, folder: Path) -> dict[str, tuple
     return {
         "column": ([*listing, "--columns", "number,sucess"], "no column 'sucess', did you mean success"),
         "sort": ([*listing, "--sort", "contact_force"], "no column 'contact_force', did you mean contact_force_n"),
-        "view": ([*listing, "--view", "helt"], "no saved filter 'helt', did you mean held"),
+        "filter": ([*listing, "--filter", "helt"], "no saved filter 'helt', did you mean held"),
         "where": ([*listing, "--where", "widht_final_m < 1"], "did you mean width_final_m"),
         "no truth": ([*listing, "--where", "number"], "yields int64, expected true or false"),
         "limit": ([*listing, "-n", "-3"], "limit is -3"),

@@ -8,11 +8,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-import typer
 from tests.support.small_station import small_header
 from typer.testing import CliRunner
 
-from handsight.cli.dataset import curation, integrity, versions
+from handsight.cli.dataset.app import dataset_app
 from handsight.datasets import (
     PHASES,
     AttemptNotFoundError,
@@ -27,10 +26,6 @@ from handsight.datasets import (
     SessionWriter,
     WhereError,
 )
-
-app = typer.Typer()
-for module in (curation, versions, integrity):
-    module.register(app)
 
 HEADER = small_header(source="ur10", seed=None)
 
@@ -80,7 +75,7 @@ def path(tmp_path: Path) -> Path:
 
 
 def invoke(*words: object, code: int = 0) -> str:
-    answer = CliRunner().invoke(app, [str(word) for word in words], catch_exceptions=False)
+    answer = CliRunner().invoke(dataset_app, [str(word) for word in words], catch_exceptions=False)
     assert answer.exit_code == code, answer.output
     return answer.stdout
 
@@ -135,17 +130,17 @@ def test_bad_input_changes_nothing(path: Path) -> None:
             invoke(*words)
     invoke("exclude", path, "--where", "success", code=2)
     invoke("gc", path, "--older-than", "yesterday", code=2)
-    invoke("view", path, "name", code=2)
+    invoke("filter", path, "name", code=2)
     assert GraspDataset.open(str(path)).snapshot_id == tip
 
 
-def test_views_are_saved_used_and_forgotten(path: Path) -> None:
-    assert "3 attempts match" in invoke("view", path, "held", "--where", "success")
-    assert json_of("view", path) == [{"view": "held", "where": "success", "attempts": 3}]
-    assert json_of("exclude", path, "--view", "held", "-m", "x")["attempts"] == ids(path, 0, 2, 4)
-    assert "held" in invoke("view", path)
-    invoke("view", path, "held", "--delete")
-    assert json_of("view", path) == []
+def test_filters_are_saved_used_and_forgotten(path: Path) -> None:
+    assert "3 attempts match" in invoke("filter", path, "held", "--where", "success")
+    assert json_of("filter", path) == [{"filter": "held", "where": "success", "attempts": 3}]
+    assert json_of("exclude", path, "--filter", "held", "-m", "x")["attempts"] == ids(path, 0, 2, 4)
+    assert "held" in invoke("filter", path)
+    invoke("filter", path, "held", "--delete")
+    assert json_of("filter", path) == []
 
 
 def test_folds_are_made_listed_and_checked(path: Path) -> None:

@@ -1,0 +1,71 @@
+"""``handsight dataset folds``: how a version is divided for cross-validation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from handsight.cli.dataset.author import author_named
+from handsight.cli.opening import open_repository, open_version
+from handsight.cli.options import Author, Dataset, Json, Seed
+from handsight.cli.output import print_json, print_table
+
+if TYPE_CHECKING:
+    # These take a second to import; a command does so once its dataset is known to be there.
+    from handsight.datasets.curation.folds import Folds
+    from handsight.datasets.reading.reader import GraspDataset
+
+
+def folds(
+    dataset: Dataset,
+    name: Annotated[str, typer.Argument(help="Folds to make or to check; without it, all are listed.")] = "",
+    by: Annotated[
+        Literal["object", "scene", "session"] | None,
+        typer.Option("--by", help="Make the folds: what is never split between two."),
+    ] = None,
+    count: Annotated[int, typer.Option("--count", "-k", help="How many folds.")] = 5,
+    seed: Seed = 0,
+    replace: Annotated[bool, typer.Option("--replace", help="Make them anew under the same name.")] = False,
+    author: Author = "",
+    as_json: Json = False,
+) -> None:
+    """Make, check or list the folds that are stored in a version."""
+    repository, ref = open_repository(dataset)
+    from handsight.datasets.curation.folds import fold_names, make_folds, read_folds  # a second; see above
+
+    if name and by:
+        make_folds(
+            repository, name, by=by, count=count, seed=seed, author=author_named(author), branch=ref, replace=replace
+        )
+    opened = open_version(dataset)
+    names = [name] if name else fold_names(repository.root(opened.snapshot_id))
+    rows = [row for one in names for row in _fold_rows(opened, read_folds(opened, one))]
+    if as_json:
+        print_json(rows)
+        return
+    cells = [
+        (row.folds, row.by, str(row.fold), str(row.attempts), f"{row.successes / row.attempts:.1%}") for row in rows
+    ]
+    print_table(("folds", "by", "fold", "attempts", "successful"), cells)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _FoldRow:
+    folds: str
+    by: str
+    fold: int
+    attempts: int
+    successes: int
+
+
+def _fold_rows(dataset: GraspDataset, folds: Folds) -> list[_FoldRow]:
+    success = dataset.attempts["success"][folds.fold.index].astype(bool)
+    rows = []
+    for fold in range(folds.count):
+        labels = success[folds.fold == fold]
+        rows.append(
+            _FoldRow(folds=folds.name, by=folds.by, fold=fold, attempts=len(labels), successes=int(labels.sum()))
+        )
+    return rows
