@@ -11,8 +11,9 @@ import typer
 from handsight.cli.errors import CommandError
 from handsight.cli.lazy import LazyCommand, LazyGroup, lazy_app
 from handsight.cli.options import TRAINING_OBJECTS, DatasetPath, Json, Objects, PerScene, Renderer, Seed, Workers
-from handsight.cli.output import console, counted, errors, print_json, progress_bar
+from handsight.cli.output import console, errors, print_json, progress_bar
 from handsight.cli.wiring.policies import policy_named
+from handsight.datasets.errors import counted
 from handsight.jobs.engine import LOCAL, Engine
 
 if TYPE_CHECKING:

@@ -10,7 +10,8 @@ import typer
 
 from handsight.cli.opening import checked_address, open_version
 from handsight.cli.options import Dataset, Ids, Model
-from handsight.cli.output import console, counted, progress_bar
+from handsight.cli.output import console, progress_bar
+from handsight.datasets.errors import counted
 from handsight.training.run_folder import check_finished_run
 
 if TYPE_CHECKING:

@@ -12,8 +12,9 @@ import typer
 
 from handsight.cli.lazy import LazyCommand, LazyGroup, lazy_app
 from handsight.cli.options import DryRun, Json
-from handsight.cli.output import console, counted, errors, escaped, print_json, print_table, progress_bar
+from handsight.cli.output import console, errors, escaped, print_json, print_table, progress_bar
 from handsight.collection.errors import MeshImportError
+from handsight.datasets.errors import counted
 
 if TYPE_CHECKING:
     # Trimesh and CoACD are slow to import, and listing sets needs neither.
@@ -43,7 +44,7 @@ objects_app = lazy_app(ObjectsGroup, help="Object sets of the simulated station.
 
 def ls(as_json: Json = False) -> None:
     """List the object sets on this machine."""
-    from handsight.collection.sim.objects import list_object_sets  # OpenCV and NumPy, once it is called
+    from handsight.collection.sim.objects.catalogue import list_object_sets  # OpenCV and NumPy, once it is called
 
     sets = list_object_sets()
     if as_json:

@@ -52,11 +52,6 @@ def escaped(text: object) -> str:
     return escape(str(text))
 
 
-def counted(count: int, noun: str) -> str:
-    """A number of things: ``1 attempt``, ``2 attempts``."""
-    return f"{count} {noun}{'' if count == 1 else 's'}"
-
-
 def print_json(value: Any) -> None:
     """One JSON value on standard output; dataclasses, times, paths and numpy numbers included."""
     sys.stdout.write(json.dumps(value, indent=2, default=_plain) + "\n")

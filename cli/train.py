@@ -9,7 +9,8 @@ import typer
 
 from handsight.cli.opening import checked_address, open_version
 from handsight.cli.options import Dataset, Json, Seed
-from handsight.cli.output import console, counted, print_json, progress_bar
+from handsight.cli.output import console, print_json, progress_bar
+from handsight.datasets.errors import counted
 from handsight.training.run_folder import check_run_folder
 
 if TYPE_CHECKING:

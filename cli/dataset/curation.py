@@ -9,7 +9,8 @@ import typer
 from handsight.cli.dataset.author import author_named
 from handsight.cli.opening import open_repository, open_version
 from handsight.cli.options import Author, Dataset, DatasetBranch, DryRun, Filter, Ids, Json, Reason, Where
-from handsight.cli.output import console, counted, print_json, print_table
+from handsight.cli.output import console, print_json, print_table
+from handsight.datasets.errors import counted
 
 if TYPE_CHECKING:
     # These take a second to import; a command does so once its dataset is known to be there.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -10,7 +9,8 @@ import typer
 
 from handsight.cli.opening import checked_address, open_repository, open_version
 from handsight.cli.options import Dataset, DryRun, Json, TargetBranch
-from handsight.cli.output import console, counted, print_json, progress_bar
+from handsight.cli.output import console, print_json, progress_bar
+from handsight.datasets.errors import counted
 
 if TYPE_CHECKING:
     # These take a second to import; a command does so once its dataset is known to be there.

@@ -10,7 +10,8 @@ import typer
 from handsight.cli.errors import CommandError
 from handsight.cli.opening import open_repository, open_version
 from handsight.cli.options import Dataset, Filter, Json, Where
-from handsight.cli.output import Output, console, counted, errors, print_json, print_table
+from handsight.cli.output import Output, console, errors, print_json, print_table
+from handsight.datasets.errors import counted
 
 if TYPE_CHECKING:
     # These take a second to import; a command does so once its dataset is known to be there.

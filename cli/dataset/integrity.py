@@ -15,7 +15,8 @@ import typer
 from handsight.cli.dataset.author import author_named
 from handsight.cli.opening import open_repository, open_version
 from handsight.cli.options import Author, Dataset, DatasetPath, DryRun, Json, NewBranch, Seed
-from handsight.cli.output import console, counted, print_json, print_table, progress_bar
+from handsight.cli.output import console, print_json, print_table, progress_bar
+from handsight.datasets.errors import counted
 
 if TYPE_CHECKING:
     # These take a second to import; a command does so once its dataset is known to be there.

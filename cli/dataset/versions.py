@@ -8,8 +8,8 @@ import typer
 
 from handsight.cli.opening import open_repository, open_version
 from handsight.cli.options import Dataset, DatasetBranch, DatasetPath, DryRun, Json, Message, NewBranch
-from handsight.cli.output import console, counted, print_json, print_table
-from handsight.datasets.errors import RefNotFoundError
+from handsight.cli.output import console, print_json, print_table
+from handsight.datasets.errors import RefNotFoundError, counted
 
 if TYPE_CHECKING:
     # These take a second to import; a command does so once its dataset is known to be there.

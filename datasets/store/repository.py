@@ -15,6 +15,7 @@ import zarr
 from filelock import FileLock, Timeout
 
 from handsight.datasets.address import DEFAULT_REF, Location, S3Prefix, cache_folder, location_of, no_dataset_at
+from handsight.datasets.atomic import atomic_folder
 from handsight.datasets.errors import (
     CorruptDataError,
     DatasetBusyError,

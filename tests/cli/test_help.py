@@ -12,7 +12,7 @@ from typer.main import get_command
 from handsight.cli.app import app, run
 from handsight.cli.lazy import LazyCommand, LazyGroup
 from handsight.cli.options import DEFAULT_METHOD, DEFAULT_THRESHOLD, EVALUATION_SEED, NOVEL_OBJECTS, TRAINING_OBJECTS
-from handsight.collection.sim.objects import OBJECT_SETS
+from handsight.collection.sim.objects.catalogue import OBJECT_SETS
 from handsight.datasets import EXPORT_FORMATS, FORMATS, VIEWPOINTS
 from handsight.datasets.curation.folds import GROUPINGS
 from handsight.evaluation.evaluate import EvaluationSettings

@@ -16,6 +16,7 @@ from handsight.datasets.inputs.augmentation import Jitter
 from handsight.datasets.inputs.materialize import GraspInputs
 from handsight.servoing.homography import InputGrid
 from handsight.training.errors import CheckpointError, TrainerSettingsError, TrainingDataError
+from handsight.training.gqn import GqnConfig, GraspQualityNetwork
 from handsight.training.run import WEIGHTS, DataOrigin, load_run, load_scorer, save_run
 from handsight.training.run_folder import RUN_RECORD
 from handsight.training.trainer import TrainSettings, predict, predict_with_flips, train
