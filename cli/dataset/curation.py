@@ -182,7 +182,7 @@ def folds(
             repository, name, by=by, count=count, seed=seed, author=_author(author), branch=address.ref, replace=replace
         )
     opened = GraspDataset.open(address)
-    names = [name] if name else fold_names(repository.root(opened.snapshot_id))
+    names = [name] if name else fold_names(opened.root)
     rows = [row for one in names for row in _fold_rows(opened, read_folds(opened, one))]
     if as_json:
         print_json(rows)
@@ -214,7 +214,7 @@ def _fold_rows(dataset: GraspDataset, folds: Folds) -> list[_FoldRow]:
 
 
 def _list_views(dataset: GraspDataset, *, as_json: bool) -> None:
-    filters = read_filters(dataset.repository.root(dataset.snapshot_id))
+    filters = read_filters(dataset.root)
     counts = {name: int(matches(dataset.attempts, where).sum()) for name, where in filters.items()}
     if as_json:
         print_json([{"filter": name, "where": where, "attempts": counts[name]} for name, where in filters.items()])
