@@ -9,7 +9,7 @@ DatasetError
 ├── RefNotFoundError (LookupError)             no release, branch or snapshot of that name
 ├── RefNameError (ValueError)                  a name that a release cannot take
 ├── AttemptNotFoundError (LookupError)         no such attempt in this version of the dataset
-├── FrameNotFoundError (LookupError)        the attempt exists, the picture was never taken
+├── FrameNotFoundError (LookupError)           the attempt exists, the picture was never taken
 ├── SessionNotFoundError (LookupError)         no such session in this version of the dataset
 ├── SessionConflictError (ValueError)          a session that exists already, or that another process continued
 ├── HeaderError (ValueError)                   a session header that cannot be recorded
@@ -21,7 +21,7 @@ DatasetError
 ├── UnknownNameError (LookupError)             no saved filter, folds or decision of that name
 ├── NoTrainingDataError (ValueError)           a version from which no network input can be made
 ├── LoaderStateError (ValueError)              the state of a loader of other batches
-├── InterchangeError (ValueError)              a foreign file that cannot be imported, or a place to export to
+├── InterchangeError (ValueError)              a foreign file that cannot be imported, or a bad target of an export
 ├── MergeError (ValueError)                    sessions that do not belong into one dataset
 ├── CorruptDataError (OSError)                 stored bytes that fail their checksum or are missing
 ├── StorageError (OSError)                     Icechunk failed
@@ -117,7 +117,7 @@ class LoaderStateError(DatasetError, ValueError):
 
 
 class InterchangeError(DatasetError, ValueError):
-    """A foreign file cannot be imported, or nothing can be exported to that place."""
+    """A foreign file cannot be imported, or nothing can be exported to that target."""
 
 
 class MergeError(DatasetError, ValueError):

@@ -19,7 +19,7 @@ dataset_app = typer.Typer(help="Create, inspect and release grasp datasets.", no
 
 @dataset_app.command("init")
 def init(dataset: DatasetPath) -> None:
-    """Create an empty dataset; refuses a place where something is already."""
+    """Create an empty dataset; refuses a location where something is already."""
     GraspRepository.create(dataset)
     console.print(f"created an empty dataset at [bold]{dataset}[/]")
 
