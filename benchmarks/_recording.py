@@ -118,7 +118,7 @@ def _verification(path: Path, header: SessionHeader, attempts: list[GraspAttempt
     megabytes = sum(map(_raw_bytes, many)) / 1e6
 
     def bare() -> None:
-        root = dataset.repository.root(dataset.snapshot_id)
+        root = dataset.root
         for session in dataset.sessions:
             for path in frame_paths():
                 array = array_at(root, f"sessions/{session.ulid}/{path}")

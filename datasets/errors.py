@@ -21,7 +21,7 @@ DatasetError
 ├── UnknownNameError (LookupError)             no saved filter, folds or decision of that name
 ├── NoTrainingDataError (ValueError)           a version from which no network input can be made
 ├── LoaderStateError (ValueError)              the state of a loader of other batches
-├── InterchangeError (ValueError)              a foreign file that cannot be imported, or a place to export to
+├── InterchangeError (ValueError)              a foreign file that cannot be imported, or a bad target of an export
 ├── MergeError (ValueError)                    sessions that do not belong into one dataset
 ├── CorruptDataError (OSError)                 stored bytes that fail their checksum or are missing
 ├── StorageError (OSError)                     Icechunk failed
@@ -117,7 +117,7 @@ class LoaderStateError(DatasetError, ValueError):
 
 
 class InterchangeError(DatasetError, ValueError):
-    """A foreign file cannot be imported, or nothing can be exported to that place."""
+    """A foreign file cannot be imported, or nothing can be exported to that target."""
 
 
 class MergeError(DatasetError, ValueError):

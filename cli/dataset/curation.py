@@ -144,7 +144,7 @@ def _list_filters(dataset: GraspDataset, *, as_json: bool) -> None:
     from handsight.datasets.format.saved_filters import read_filters  # a second; see above
     from handsight.datasets.reading.selection import matches
 
-    filters = read_filters(dataset.repository.root(dataset.snapshot_id))
+    filters = read_filters(dataset.root)
     counts = {name: int(matches(dataset.attempts, where).sum()) for name, where in filters.items()}
     if as_json:
         print_json([{"filter": name, "where": where, "attempts": counts[name]} for name, where in filters.items()])

@@ -40,7 +40,7 @@ def folds(
             repository, name, by=by, count=count, seed=seed, author=author_named(author), branch=ref, replace=replace
         )
     opened = open_version(dataset)
-    names = [name] if name else fold_names(repository.root(opened.snapshot_id))
+    names = [name] if name else fold_names(opened.root)
     rows = [row for one in names for row in _fold_rows(opened, read_folds(opened, one))]
     if as_json:
         print_json(rows)

@@ -22,7 +22,7 @@ _LISTED = 5
 
 
 def init(dataset: DatasetPath) -> None:
-    """Create an empty dataset; refuses a place where something is already."""
+    """Create an empty dataset; refuses a location where something is already."""
     from handsight.datasets.store.repository import GraspRepository  # a second; see above
 
     GraspRepository.create(dataset)

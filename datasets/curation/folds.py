@@ -29,7 +29,7 @@ from handsight.datasets.format.keys import KEY_BYTES, ids_from_keys, keys_from_i
 from handsight.datasets.format.provenance import utc_now
 from handsight.datasets.format.schema import create_array
 from handsight.datasets.reading.reader import GraspDataset
-from handsight.datasets.store.releases import is_plain_name
+from handsight.datasets.store.releases import check_name
 from handsight.datasets.store.repository import GraspRepository
 from handsight.datasets.writing.change import change_branch
 
@@ -96,8 +96,7 @@ def make_folds(
         FoldsError: The count is out of range, or there are fewer groups than folds.
         RefNotFoundError: There is no such branch.
     """
-    if not is_plain_name(name):
-        raise RefNameError(f"folds name is {name!r}, expected 1 to 64 letters, digits, '.', '_' or '-'")
+    check_name("folds", name)
     if not 2 <= count <= _MOST_FOLDS or seed < 0:
         raise FoldsError(f"count is {count} and seed {seed}, expected 2 to {_MOST_FOLDS} folds and a seed of 0 or more")
 
@@ -130,7 +129,7 @@ def read_folds(dataset: GraspDataset, name: str) -> Folds:
         FoldsError: They leak or do not cover this version; every fault is in the message.
         CorruptDataError: Their bytes are damaged.
     """
-    root = dataset.repository.root(dataset.snapshot_id)
+    root = dataset.root
     names = fold_names(root)
     if name not in names:
         raise UnknownNameError(f"there are no folds {name!r} in {dataset.ref} (folds: {', '.join(names) or 'none'})")

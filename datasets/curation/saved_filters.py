@@ -14,7 +14,7 @@ from handsight.datasets.format.provenance import utc_now
 from handsight.datasets.format.saved_filters import FILTERS_GROUP, filter_entries
 from handsight.datasets.reading.reader import GraspDataset
 from handsight.datasets.reading.selection import matches
-from handsight.datasets.store.releases import is_plain_name
+from handsight.datasets.store.releases import check_name
 from handsight.datasets.store.repository import GraspRepository
 from handsight.datasets.writing.change import change_branch
 
@@ -29,8 +29,7 @@ def save_filter(
         WhereError: The expression is not sound.
         RefNotFoundError: There is no such branch.
     """
-    if not is_plain_name(name):
-        raise RefNameError(f"filter name is {name!r}, expected 1 to 64 letters, digits, '.', '_' or '-'")
+    check_name("filter", name)
 
     def change(dataset: GraspDataset, root: zarr.Group) -> tuple[str | None, int]:
         found = int(matches(dataset.attempts, where).sum())

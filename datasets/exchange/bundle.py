@@ -28,7 +28,7 @@ class Bundle:
 
 def origin_of(dataset: GraspDataset) -> dict[str, Any]:
     """Where an export comes from, as JSON values; written into every format that can hold it."""
-    root = dataset.repository.root(dataset.snapshot_id)
+    root = dataset.root
     return {
         "schema_version": SCHEMA_VERSION,
         "dataset_uuid": root.attrs.get("dataset_uuid"),

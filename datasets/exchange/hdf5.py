@@ -24,6 +24,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -64,7 +65,7 @@ def recognises(path: Path) -> bool:
 
 def write(dataset: GraspDataset, path: Path, on_attempt: Callable[[], None]) -> None:
     """Write a version to a new file."""
-    root = dataset.repository.root(dataset.snapshot_id)
+    root = dataset.root
     excluded = set(dataset.overlay.exclusions.index)
     masks: dict[str, list[str]] = {"labelled": [], "excluded": []}
     demo = 0
@@ -146,17 +147,15 @@ def _source(file: h5py.File, ulid: str, path: Path, schema: int) -> SessionSourc
         raise InterchangeError(
             f"{path}: session {ulid} claims {counted(size, 'attempt')}, and the file has {demos} demos"
         )
-    source = checked_source(ulid, attributes, size=size, attempts=lambda: iter(()))
+    source = checked_source(ulid, attributes, size=size)
     widths = column_widths(source.header)
     columns = {
         column.name: _array(group, f"columns/{column.name}", column.dtype, (size, *column.shape(widths)), path)
         for column in columns_of(schema)
     }
     columns |= empty_columns(schema, size, widths)
-    return checked_source(
-        ulid,
-        attributes,
-        size=size,
+    return replace(
+        source,
         attempts=partial(_read_attempts, file, source.header, columns, int(group.attrs["first_demo"]), ulid),
         digests=tuple(digest.tobytes() for digest in columns["digest"]),
     )

@@ -22,6 +22,7 @@ import json
 import zipfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -71,7 +72,7 @@ def recognises(path: Path) -> bool:
 
 def write(dataset: GraspDataset, path: Path, on_attempt: Callable[[], None]) -> None:
     """Write a version to a new folder."""
-    root = dataset.repository.root(dataset.snapshot_id)
+    root = dataset.root
     sources = stored_sources(root)
     for folder in (_SIDE, Path(_EPISODES).parent, "data/chunk-000"):
         (path / folder).mkdir(parents=True)
@@ -256,7 +257,7 @@ def _source(path: Path, ulid: str, schema: int) -> SessionSource:
     with np.load(path / _SIDE / f"{ulid}.npz", allow_pickle=False) as file:
         columns = {name: file[_flat_name(name)] for name in column_paths() if name not in added}
     size = len(columns["attempts/number"])
-    source = checked_source(ulid, attributes, size=size, attempts=lambda: iter(()))
+    source = checked_source(ulid, attributes, size=size)
     widths = column_widths(source.header)
     columns |= {f"attempts/{name}": values for name, values in empty_columns(schema, size, widths).items()}
     for column in COLUMNS:
@@ -266,10 +267,8 @@ def _source(path: Path, ulid: str, schema: int) -> SessionSource:
     for viewpoint in VIEWPOINTS:
         if columns[f"{viewpoint}/pose_base_tool"].shape != (size, 4, 4):
             raise InterchangeError(f"{path}: the poses of {viewpoint} of session {ulid} have another shape")
-    return checked_source(
-        ulid,
-        attributes,
-        size=size,
+    return replace(
+        source,
         attempts=partial(_read_attempts, path, ulid, columns, int(described["first_episode"])),
         digests=tuple(digest.tobytes() for digest in columns["attempts/digest"]),
     )

@@ -42,7 +42,7 @@ def merge(
         MergeError: Sessions do not fit the target; the message lists every fault.
         CorruptDataError: An attempt of the source is damaged.
     """
-    root = source.repository.root(source.snapshot_id)
+    root = source.root
     available = {session.ulid: session for session in stored_sources(root)}
     wanted = list(available) if sessions is None else list(dict.fromkeys(sessions))
     missing = [ulid for ulid in wanted if ulid not in available]

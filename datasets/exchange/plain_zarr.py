@@ -38,7 +38,7 @@ def recognises(path: Path) -> bool:
 
 def write(dataset: GraspDataset, path: Path, on_attempt: Callable[[], None]) -> None:
     """Write a version to a new folder."""
-    root = dataset.repository.root(dataset.snapshot_id)
+    root = dataset.root
     with icechunk_errors(f"cannot read {dataset.repository.path}"):
         for session in dataset.sessions:
             copied = _copy(root.store, f"{SESSIONS}/{session.ulid}/", path, on_attempt)

@@ -53,10 +53,10 @@ def checked_source(
     attributes: dict[str, Any],
     *,
     size: int,
-    attempts: Callable[[], Iterator[GraspAttempt]],
+    attempts: Callable[[], Iterator[GraspAttempt]] = lambda: iter(()),
     digests: tuple[bytes, ...] = (),
 ) -> SessionSource:
-    """A source whose identity and attributes are sound.
+    """A source whose identity and attributes are sound; how to read its attempts may be added later.
 
     Raises:
         InterchangeError: They are not; the message lists every fault.
@@ -98,7 +98,6 @@ def stored_source(group: zarr.Group, ulid: str, schema: int) -> SessionSource:
         ulid,
         current_attributes(group.attrs.asdict(), schema),
         size=size,
-        attempts=lambda: iter(()),
         digests=tuple(digest.tobytes() for digest in digests),
     )
     return replace(source, attempts=partial(read_attempts, group, size, column_widths(source.header), schema))

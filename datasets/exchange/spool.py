@@ -16,7 +16,7 @@ from handsight.datasets.format.frames import EncodedFrames, FrameEncoder
 from handsight.datasets.records import SessionHeader
 from handsight.datasets.writing.batches import Columns, EncodedAttempt, PreparedAttempt, new_layouts
 
-Places = Mapping[str, tuple[int, int]]
+Extents = Mapping[str, tuple[int, int]]
 """Where the chunks of an attempt begin and how long they are, by the path of their array."""
 
 
@@ -29,7 +29,7 @@ class AttemptSpool:
 
     def __init__(self, header: SessionHeader) -> None:
         self._header = header
-        self._attempts: list[tuple[Columns, Places]] = []
+        self._attempts: list[tuple[Columns, Extents]] = []
         self._file = tempfile.TemporaryFile()  # noqa: SIM115  # Closed by __exit__.
 
     def __enter__(self) -> AttemptSpool:
@@ -46,28 +46,28 @@ class AttemptSpool:
         Raises:
             StorageError: There is no room for it.
         """
-        places = {}
+        extents = {}
         for path, chunk in self._encoder.encode(attempt.frames).items():
             data = chunk.to_bytes()
             with _disk_errors():
-                places[path] = (self._file.tell(), len(data))
+                extents[path] = (self._file.tell(), len(data))
                 self._file.write(data)
-        self._attempts.append((attempt.columns, places))
+        self._attempts.append((attempt.columns, extents))
 
     def attempts(self) -> Iterator[EncodedAttempt]:
         """What was appended, in order."""
-        for columns, places in self._attempts:
-            yield EncodedAttempt(columns=columns, frames=self._read(places))
+        for columns, extents in self._attempts:
+            yield EncodedAttempt(columns=columns, frames=self._read(extents))
 
     @cached_property
     def _encoder(self) -> FrameEncoder:
         """Made for the first attempt: a header that cannot be recorded may have no arrays."""
         return FrameEncoder(new_layouts(self._header))
 
-    def _read(self, places: Places) -> EncodedFrames:
+    def _read(self, extents: Extents) -> EncodedFrames:
         frames: dict[str, Any] = {}
         with _disk_errors():
-            for path, (start, size) in places.items():
+            for path, (start, size) in extents.items():
                 self._file.seek(start)
                 frames[path] = cpu.Buffer.from_bytes(self._file.read(size))
         return frames

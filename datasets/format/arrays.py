@@ -177,7 +177,7 @@ def run_concurrently(writes: Iterable[Coroutine[Any, Any, None]]) -> None:
 
 
 def copy_group(source: zarr.Group, parent: zarr.Group, name: str) -> None:
-    """Copy a group with everything in it to a place where there is nothing yet, chunk by chunk.
+    """Copy a group with everything in it to a path where there is nothing yet, chunk by chunk.
 
     Raises:
         CorruptDataError: Some of it is damaged.

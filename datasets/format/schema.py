@@ -228,15 +228,20 @@ def create_arrays(session: zarr.Group, header: SessionHeader, *, column_rows: in
         create_array(group, "pose_base_tool", dtype="float64", row=(4, 4), rows=column_rows, fill=_NAN, attributes=pose)
     attempts = session.create_group("attempts")
     for column in COLUMNS:
-        create_array(
-            attempts,
-            column.name,
-            dtype=column.dtype,
-            row=column.shape(column_widths(header)),
-            rows=column_rows,
-            fill=column.fill,
-            attributes={"unit": column.unit, "description": column.description},
-        )
+        create_column(attempts, column, column_widths(header), rows=column_rows)
+
+
+def create_column(attempts: zarr.Group, column: Column, widths: ColumnWidths, *, rows: int) -> None:
+    """Create a column without rows in the group ``attempts`` of a session, with ``rows`` rows in a chunk."""
+    create_array(
+        attempts,
+        column.name,
+        dtype=column.dtype,
+        row=column.shape(widths),
+        rows=rows,
+        fill=column.fill,
+        attributes={"unit": column.unit, "description": column.description},
+    )
 
 
 def create_rgb(group: zarr.Group, name: str, *, frame: tuple[int, int]) -> None:

@@ -63,7 +63,7 @@ class AttemptChecker:
     """Checks attempts of one version. Ranges are best given in order: columns are kept until others are needed."""
 
     def __init__(self, dataset: GraspDataset) -> None:
-        self._root = dataset.repository.root(dataset.snapshot_id)
+        self._root = dataset.root
         self._sessions = {session.ulid: session for session in dataset.sessions}
         self._arrays: dict[str, Arrays] = {}
         self._columns = _ColumnChunk(session="", first=0, values={})

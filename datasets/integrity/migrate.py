@@ -11,9 +11,9 @@ import zarr
 
 from handsight.datasets.address import DEFAULT_REF
 from handsight.datasets.format.arrays import array_at, group_at
-from handsight.datasets.format.schema import SCHEMA_VERSION, SESSIONS, ColumnWidths, create_array
+from handsight.datasets.format.schema import SCHEMA_VERSION, SESSIONS, ColumnWidths, create_column
 from handsight.datasets.format.upgrades import columns_since, current_attributes
-from handsight.datasets.store.branches import create_branch, delete_branch
+from handsight.datasets.store.branches import new_branch
 from handsight.datasets.store.icechunk_engine import icechunk_errors
 from handsight.datasets.store.repository import GraspRepository
 
@@ -43,8 +43,7 @@ def migrate(repository: GraspRepository, branch: str, *, ref: str = DEFAULT_REF)
     before = schema_of(repository.root(repository.resolve(ref)))
     if before >= SCHEMA_VERSION:
         return None
-    create_branch(repository, branch, ref)
-    try:
+    with new_branch(repository, branch, ref):
         transaction = repository.writable(branch)
         with icechunk_errors(f"cannot migrate {repository.path}"):
             root = zarr.open_group(transaction.store, mode="r+")
@@ -54,9 +53,6 @@ def migrate(repository: GraspRepository, branch: str, *, ref: str = DEFAULT_REF)
             root.update_attributes({"schema_version": SCHEMA_VERSION})
         message = f"migrate {ref} from schema {before} to {SCHEMA_VERSION}"
         snapshot = repository.commit(transaction, branch=branch, message=message)
-    except BaseException:
-        delete_branch(repository, branch, force=True)
-        raise
     return Migration(
         branch=branch, snapshot=snapshot, schema_before=before, schema_after=SCHEMA_VERSION, sessions=len(sessions)
     )
@@ -74,14 +70,5 @@ def _upgrade(session: zarr.Group, schema: int) -> None:
     widths = ColumnWidths(objects=array_at(session, "attempts/catalogue_index").shape[1], conditions=1)
     attempts = group_at(session, "attempts")
     for column in columns_since(schema):
-        row = column.shape(widths)
-        create_array(
-            attempts,
-            column.name,
-            dtype=column.dtype,
-            row=row,
-            rows=numbers.chunks[0],
-            fill=column.fill,
-            attributes={"unit": column.unit, "description": column.description},
-        )
-        array_at(attempts, column.name).resize((numbers.shape[0], *row))
+        create_column(attempts, column, widths, rows=numbers.chunks[0])
+        array_at(attempts, column.name).resize((numbers.shape[0], *column.shape(widths)))

@@ -24,7 +24,7 @@ from handsight.datasets.integrity.verify import VerifyReport
 from handsight.datasets.reading.reader import GraspDataset
 from handsight.datasets.reading.selection import Selection
 from handsight.datasets.records import PHASES, GraspAttempt, GripperReadings, Outcome, SessionHeader
-from handsight.datasets.store.branches import create_branch, delete_branch
+from handsight.datasets.store.branches import new_branch
 from handsight.datasets.store.repository import GraspRepository
 from handsight.datasets.writing.batches import PreparedAttempt, chunk_start, column_paths, prepare
 from handsight.datasets.writing.change import change_branch
@@ -78,8 +78,7 @@ def repair(
             "restore the dataset from a copy"
         )
     repository = dataset.repository
-    create_branch(repository, branch, dataset.snapshot_id)
-    try:
+    with new_branch(repository, branch, dataset.snapshot_id):
         found = {attempt: _simulated(dataset, attempt, resimulate) for attempt in report.corrupt}
         simulated = {attempt: one for attempt, one in found.items() if one is not None}
         lost = {
@@ -97,9 +96,6 @@ def repair(
 
         change_branch(repository, branch, change)
         _exclude(repository, branch, author, {attempt: report.faults[attempt] for attempt in lost})
-    except BaseException:
-        delete_branch(repository, branch, force=True)
-        raise
     tip = repository.resolve(branch)
     return RepairReport(branch=branch, snapshot=tip, simulated=tuple(simulated), lost=tuple(lost))
 
@@ -112,7 +108,7 @@ def _simulated(dataset: GraspDataset, attempt: str, resimulate: ResimulateAttemp
     if again is None:
         return None
     prepared = prepare(again, header, session=ulid, number=number)
-    root = dataset.repository.root(dataset.snapshot_id)
+    root = dataset.root
     try:
         recorded = read_rows(array_at(root, f"{SESSIONS}/{ulid}/attempts/digest"), number, number + 1)[0]
     except CorruptDataError:

@@ -73,7 +73,7 @@ def verify(dataset: GraspDataset, *, jobs: int = 1, on_checked: Callable[[int], 
         StorageError: A process ended before its time.
         ForkedProcessError: The dataset was opened in another process.
     """
-    root = dataset.repository.root(dataset.snapshot_id)
+    root = dataset.root
     whole = [AttemptRange(session.ulid, 0, session.attempts) for session in dataset.sessions]
     ranges = [piece for session in whole for piece in session.cut(_RANGE)]
     attempts = sum(session.stop for session in whole)

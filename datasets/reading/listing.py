@@ -77,9 +77,7 @@ def _checked(dataset: GraspDataset, listing: Listing) -> list[str]:
     faults += _unknown_columns([*_sort_column(listing), *(listing.columns or ())], known)
     conditions: list[str] = []
     try:
-        conditions = expressions(
-            listing.where, listing.filter, read_filters(dataset.repository.root(dataset.snapshot_id))
-        )
+        conditions = expressions(listing.where, listing.filter, read_filters(dataset.root))
     except WhereError as error:
         faults.append(str(error))
     # A filter that is missing does not keep the expression beside it from being checked.

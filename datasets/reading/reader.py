@@ -68,6 +68,16 @@ class GraspDataset:
         return cls(GraspRepository.open(parsed.path), ref=parsed.ref)
 
     @property
+    def root(self) -> zarr.Group:
+        """The root group of the version, read-only, for what this class has no method for.
+
+        Raises:
+            ForkedProcessError: Another process opened the dataset.
+        """
+        self.repository.check_process()
+        return self._root
+
+    @property
     def sessions(self) -> tuple[SessionInfo, ...]:
         """The sessions in the order in which they began."""
         return tuple(self._sessions.values())
@@ -128,7 +138,7 @@ class GraspDataset:
     @cached_property
     def overlay(self) -> Overlay:
         """The decisions of curation in this version."""
-        return read_overlay(self._root)
+        return read_overlay(self.root)
 
     @property
     def curation_digest(self) -> str:
@@ -318,5 +328,4 @@ class GraspDataset:
         return read_rows(array, start, array.shape[0] if stop is None else stop)
 
     def _group(self, ulid: str) -> zarr.Group:
-        self.repository.check_process()
-        return group_at(self._root, f"{SESSIONS}/{ulid}")
+        return group_at(self.root, f"{SESSIONS}/{ulid}")

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 from handsight.datasets.address import DEFAULT_REF
 from handsight.datasets.errors import RefNameError, RefNotFoundError
 from handsight.datasets.store.icechunk_engine import icechunk_errors, sync_file_system
@@ -25,6 +28,21 @@ def create_branch(repository: GraspRepository, name: str, ref: str = DEFAULT_REF
         with icechunk_errors(f"cannot create branch {name!r} of {repository.path}"):
             create_ref(repository.icechunk_repository, repository.path, "branch", name, snapshot_id)
     return snapshot_id
+
+
+@contextmanager
+def new_branch(repository: GraspRepository, name: str, ref: str) -> Iterator[None]:
+    """A branch for the block to work on, which is dropped again when the block fails.
+
+    Raises:
+        RefNameError, RefNotFoundError: As for :func:`create_branch`.
+    """
+    create_branch(repository, name, ref)
+    try:
+        yield
+    except BaseException:
+        delete_branch(repository, name, force=True)
+        raise
 
 
 def delete_branch(repository: GraspRepository, name: str, *, force: bool = False) -> str:

@@ -44,6 +44,16 @@ def is_plain_name(name: str) -> bool:
     return _NAME.fullmatch(name) is not None
 
 
+def check_name(kind: str, name: str) -> None:
+    """Refuse a name for something in a dataset that :func:`is_plain_name` does not hold for.
+
+    Raises:
+        RefNameError: The rule is in the message.
+    """
+    if not is_plain_name(name):
+        raise RefNameError(f"{kind} name is {name!r}, expected 1 to 64 letters, digits, '.', '_' or '-'")
+
+
 def check_ref_name(kind: str, name: str) -> None:
     """Refuse a name for a release or a branch that could not be typed in an address or told from a snapshot id.
 

@@ -86,7 +86,7 @@ def _gripper_findings(session: SessionInfo, rows: pd.DataFrame) -> Iterator[Find
 def _crop_findings(dataset: GraspDataset, session: SessionInfo, rows: pd.DataFrame) -> Iterator[Finding]:
     """Where the grasp point on the table appears in the overhead picture."""
     rows = rows[rows["overhead_taken"] & rows["recorded_success"].notna()]
-    root = dataset.repository.root(dataset.snapshot_id)
+    root = dataset.root
     array = array_at(root, f"{SESSIONS}/{session.ulid}/overhead/pose_base_tool")
     poses = read_all(array)[rows["number"].to_numpy()]  # (N, 4, 4)
     camera = session.header.station.camera

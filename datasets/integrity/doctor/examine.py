@@ -83,5 +83,5 @@ def _deep(dataset: GraspDataset, on_picture: Callable[[], None] | None) -> Itera
 
 
 def _folds(dataset: GraspDataset) -> list[Folds]:
-    root = dataset.repository.root(dataset.snapshot_id)
+    root = dataset.root
     return [load_folds(root, name) for name in fold_names(root)]

@@ -16,7 +16,7 @@ from handsight.datasets.writing.batches import session_arrays
 
 def structure_findings(dataset: GraspDataset) -> Iterator[Finding]:
     """Sessions, lengths, ids, curation."""
-    root = dataset.repository.root(dataset.snapshot_id)
+    root = dataset.root
     for session in dataset.sessions:
         group = group_at(root, f"{SESSIONS}/{session.ulid}")
         if session.status == "open":

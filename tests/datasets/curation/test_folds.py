@@ -149,9 +149,9 @@ def test_leaking_folds_are_refused(repository: GraspRepository) -> None:
     ]
     record(repository, header, attempts, every=9)
     folds = make_folds(repository, "cv", by="object", count=3, seed=0, author="anna")
-    session = repository.writable("main")
-    array = array_at(zarr.open_group(session.store, mode="r+"), "folds/cv/fold")
+    transaction = repository.writable("main")
+    array = array_at(zarr.open_group(transaction.store, mode="r+"), "folds/cv/fold")
     array[0] = (folds.fold.iloc[0] + 1) % 3
-    repository.commit(session, branch="main", message="tamper")
+    repository.commit(transaction, branch="main", message="tamper")
     with pytest.raises(FoldsError, match=r"they split 1 group over several folds \(object apple\)"):
         read_folds(opened(repository), "cv")

@@ -89,10 +89,10 @@ def codes(diagnosis: Diagnosis) -> list[str]:
 def tamper(repository: GraspRepository, change: Callable[[zarr.Group, str], None]) -> None:
     """Write past all checks, as somebody with a Zarr library could."""
     ulid = opened(repository).sessions[0].ulid
-    session = repository.writable("main")
-    root = zarr.open_group(session.store, mode="r+")
+    transaction = repository.writable("main")
+    root = zarr.open_group(transaction.store, mode="r+")
     change(root, f"sessions/{ulid}")
-    repository.commit(session, branch="main", message="tamper")
+    repository.commit(transaction, branch="main", message="tamper")
 
 
 def test_a_sound_dataset_has_nothing_to_mend(repository: GraspRepository) -> None:

@@ -66,11 +66,11 @@ def test_garbage_waits_for_open_writers(recorded: GraspRepository) -> None:
     writer.append(make_attempt(other, 0, outcome=Outcome.HELD))
     writer.commit()
     last = recorded.log()[0].written_at
-    session = recorded.writable("main")
+    transaction = recorded.writable("main")
     report = collect_garbage(recorded, dry_run=False, grace=timedelta(0))
     assert report.retained_by == (writer.session,)
     assert report.older_than == last
-    assert session.snapshot_id == recorded.resolve("main")
+    assert transaction.snapshot_id == recorded.resolve("main")
     writer.seal()
     assert collect_garbage(recorded, dry_run=True, grace=timedelta(0)).retained_by == ()
 

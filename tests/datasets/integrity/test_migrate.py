@@ -153,10 +153,10 @@ def test_a_taken_name_changes_nothing(tmp_path: Path) -> None:
 
 def test_damage_is_not_hidden_by_a_new_digest(tmp_path: Path) -> None:
     repository = GraspRepository.open(unpacked(1, tmp_path))
-    change = repository.writable("main")
-    session = next(iter(zarr.open_group(change.store, mode="r+")["sessions"].groups()))[1]  # type: ignore[union-attr]
+    transaction = repository.writable("main")
+    session = next(iter(zarr.open_group(transaction.store, mode="r+")["sessions"].groups()))[1]  # type: ignore[union-attr]
     session.attrs["started"] = "1999-01-01T00:00:00+00:00"
-    repository.commit(change, branch="main", message="tamper")
+    repository.commit(transaction, branch="main", message="tamper")
     before = repository.branches()
     with pytest.raises(CorruptDataError, match="are not as recorded"):
         migrate(repository, "new")

@@ -34,9 +34,9 @@ def opened(repository: GraspRepository) -> GraspDataset:
 
 def tamper(repository: GraspRepository, change: Callable[[zarr.Group], None]) -> None:
     """Write past all checks, as somebody with a Zarr library could; the checksums are then right."""
-    session = repository.writable("main")
-    change(zarr.open_group(session.store, mode="r+"))
-    repository.commit(session, branch="main", message="tamper")
+    transaction = repository.writable("main")
+    change(zarr.open_group(transaction.store, mode="r+"))
+    repository.commit(transaction, branch="main", message="tamper")
 
 
 @pytest.fixture

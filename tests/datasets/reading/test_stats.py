@@ -11,7 +11,7 @@ import pytest
 from tests.support.factories import make_attempt, make_header, record
 
 from handsight.datasets import Curator, GraspAttempt, GraspDataset, GraspRepository, Outcome, Selection
-from handsight.datasets.reading.stats import ANGLE_BINS, MAP_CELLS, Histogram, LabelStats, _block_size, label_stats
+from handsight.datasets.reading.stats import ANGLE_BINS, MAP_CELLS, Histogram, LabelStats, _window_size, label_stats
 
 
 def placed(number: int, *, held: bool, force_n: float = 0.0, angle_rad: float = 0.0, x_m: float = 0.0) -> GraspAttempt:
@@ -77,7 +77,7 @@ def test_cells_lie_where_the_grasps_were(repository: GraspRepository) -> None:
     assert np.sum(found.attempts) == 30
 
 
-def test_blocks_follow_the_sessions_without_small_remainders(repository: GraspRepository) -> None:
+def test_windows_follow_the_sessions_without_small_remainders(repository: GraspRepository) -> None:
     found = counted(
         repository,
         [placed(n, held=n < 12) for n in range(53)],
@@ -108,5 +108,5 @@ def test_equal_values_have_one_bin(repository: GraspRepository) -> None:
 
 
 @pytest.mark.parametrize(("attempts", "size"), [(8000, 1000), (7999, 500), (1600, 200), (80, 10), (3, 10)])
-def test_smaller_versions_have_smaller_blocks(attempts: int, size: int) -> None:
-    assert _block_size(attempts) == size
+def test_smaller_versions_have_smaller_windows(attempts: int, size: int) -> None:
+    assert _window_size(attempts) == size

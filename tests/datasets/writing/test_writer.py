@@ -229,15 +229,15 @@ def test_two_that_resume_the_same_cannot_overwrite_each_other(repository: GraspR
 def test_changes_to_the_same_session_conflict_at_the_commit(repository: GraspRepository) -> None:
     """The narrower race: both have written before either commits."""
     session = record(repository, HEADER, [make_attempt(HEADER, 0)]).session
-    changes = [repository.writable("main") for _ in range(2)]
-    for change in changes:
-        root = zarr.open_group(change.store, mode="r+")
+    transactions = [repository.writable("main") for _ in range(2)]
+    for transaction in transactions:
+        root = zarr.open_group(transaction.store, mode="r+")
         array = array_at(root, f"sessions/{session}/attempts/number")
         array.resize((2,))
         array[1:] = 1
-    repository.commit(changes[0], branch="main", message="first")
+    repository.commit(transactions[0], branch="main", message="first")
     with pytest.raises(SessionConflictError, match="another process has changed the same session"):
-        repository.commit(changes[1], branch="main", message="second")
+        repository.commit(transactions[1], branch="main", message="second")
 
 
 def test_sessions_of_a_rig_repeat_freely_and_the_latest_is_resumed(repository: GraspRepository) -> None:
