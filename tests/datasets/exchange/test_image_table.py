@@ -22,7 +22,6 @@ from handsight.cli.dataset.app import dataset_app
 from handsight.datasets import GraspDataset, InterchangeError, Outcome, StorageError, export_dataset, import_dataset
 from handsight.datasets.format.digest import attempt_digest
 from handsight.datasets.format.header import station_to_json
-from handsight.datasets.writing import batches
 from handsight.servoing.planar import PlanarPose
 
 Lines = list[dict[str, Any]]
@@ -104,7 +103,7 @@ def test_every_picture_is_decoded_and_every_attempt_hashed_once(
         return count
 
     monkeypatch.setattr(cv2, "imdecode", counting("decoded", cv2.imdecode))
-    monkeypatch.setattr(batches, "attempt_digest", counting("hashed", attempt_digest))
+    monkeypatch.setattr("handsight.datasets.writing.batches.attempt_digest", counting("hashed", attempt_digest))
     words = ["import", str(tmp_path / "photos"), str(tmp_path / "grasps"), *["--dry-run"] * dry_run]
     assert CliRunner().invoke(dataset_app, words, catch_exceptions=False).exit_code == 0
     assert made == {"decoded": 4 * LINES - 2, "hashed": LINES}
