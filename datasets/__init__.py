@@ -120,7 +120,6 @@ _NAMES: dict[str, tuple[str, ...]] = {
     "address": ("DatasetAddress",),
     "curation.curator": ("Curator",),
     "curation.folds": (
-        "FlippedGrasps",
         "Folds",
         "make_folds",
         "read_folds",

@@ -13,7 +13,13 @@ OF_NO_ROOM = ("layout", "support", "datasets/scenarios")
 """The repository as a whole, helpers, and runs that cross the rooms of datasets: kills, power cuts, other machines."""
 OVER_MANY = "test_every_"
 """One suite over everything that is entered somewhere: methods, objects, collections."""
-OF_THE_WHOLE_COMMAND = {"cli/test_command_line.py", "cli/dataset/test_in_a_bucket.py"}
+OF_THE_WHOLE_COMMAND = {
+    "cli/dataset/test_in_a_bucket.py",
+    "cli/test_command_line.py",
+    "cli/test_completion.py",
+    "cli/test_help.py",
+    "cli/test_import_cost.py",
+}
 """What a user types, from one noun to the next."""
 FILES = sorted(path.relative_to(TESTS).as_posix() for path in TESTS.rglob("test_*.py"))
 MIRRORS = [file for file in FILES if not file.startswith(tuple(f"{folder}/" for folder in OF_NO_ROOM))]
