@@ -10,9 +10,20 @@ import typer
 
 from handsight.cli.errors import CommandError
 from handsight.cli.lazy import LazyCommand, LazyGroup, lazy_app
-from handsight.cli.options import TRAINING_OBJECTS, DatasetPath, Json, Objects, PerScene, Renderer, Seed, Workers
+from handsight.cli.options import (
+    DEFAULT_METHOD,
+    DEFAULT_THRESHOLD,
+    TRAINING_OBJECTS,
+    DatasetPath,
+    Json,
+    Objects,
+    PerScene,
+    Renderer,
+    Seed,
+    Workers,
+)
 from handsight.cli.output import console, errors, print_json, progress_bar
-from handsight.cli.wiring.policies import policy_named
+from handsight.cli.wiring.policies import DEFAULT_RANDOM_SHARE, policy_named
 from handsight.datasets.errors import counted
 from handsight.jobs.engine import LOCAL, Engine
 
@@ -67,12 +78,18 @@ def collect_sim(
         Literal["uniform", "servo"], typer.Option(help="Who chooses where to grasp: chance, or a trained network.")
     ] = "uniform",
     model: Annotated[Path | None, typer.Option(metavar="RUN", help="Network of the servo policy.")] = None,
-    method: Annotated[str | None, typer.Option(help="Servo method of the servo policy; cem-1 unless given.")] = None,
+    method: Annotated[
+        str | None, typer.Option(help=f"Servo method of the servo policy; {DEFAULT_METHOD} unless given.")
+    ] = None,
     random_share: Annotated[
-        float | None, typer.Option(help="Share of attempts that the servo policy leaves to chance; 0.3 unless given.")
+        float | None,
+        typer.Option(
+            help=f"Share of attempts left to chance by the servo policy; {DEFAULT_RANDOM_SHARE} unless given."
+        ),
     ] = None,
     threshold: Annotated[
-        float | None, typer.Option(help="Predicted success at which the servo policy grasps; 0.95 unless given.")
+        float | None,
+        typer.Option(help=f"Predicted success at which the servo policy grasps; {DEFAULT_THRESHOLD} unless given."),
     ] = None,
     shakes: Annotated[int, typer.Option(help="Shakes after the lift; section III-B has three.")] = 0,
     pregrasp_picture: Annotated[
@@ -98,13 +115,14 @@ def collect_sim(
     """
     _check_engine(engine, ray_address)
     chosen = policy_named(policy, model=model, method=method, random_share=random_share, threshold=threshold)
-    from handsight.cli.wiring.renderers import with_renderer
-    from handsight.cli.wiring.stations import randomized, sim_station
     from handsight.collection.collector import CollectSettings
 
     settings = CollectSettings(
         attempts=attempts, seed=seed, workers=workers, policy=chosen, pregrasp_picture=pregrasp_picture
     )
+    from handsight.cli.wiring.renderers import with_renderer
+    from handsight.cli.wiring.stations import randomized, sim_station
+
     factory = with_renderer(
         sim_station(objects, shakes=shakes, per_scene=per_scene, vary=randomized(vary)),
         renderer,

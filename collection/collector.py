@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from handsight.collection.attempt import attempt_seed, run_attempt
 from handsight.collection.errors import CollectionSettingsError
@@ -18,11 +18,14 @@ from handsight.collection.policy import PregraspPolicy, UniformPolicy
 from handsight.collection.station import Station
 from handsight.datasets.errors import DatasetError, SessionNotFoundError, counted
 from handsight.datasets.records import GraspAttempt, SessionHeader, StationSpec
-from handsight.datasets.store.repository import GraspRepository
-from handsight.datasets.writing.writer import SessionWriter
 from handsight.jobs.engine import LOCAL, Engine
 from handsight.jobs.errors import WorkerDiedError
 from handsight.jobs.ordered import map_ordered
+
+if TYPE_CHECKING:
+    # Icechunk and pandas take a second, and settings that make no sense are refused without them.
+    from handsight.datasets.store.repository import GraspRepository
+    from handsight.datasets.writing.writer import SessionWriter
 
 
 class StationFactory(Protocol):
@@ -146,6 +149,8 @@ def collect(
 
 
 def _open_writer(repository: GraspRepository, header: SessionHeader, *, resume: bool) -> SessionWriter:
+    from handsight.datasets.writing.writer import SessionWriter  # once there is something to write; see above
+
     if resume:
         try:
             return SessionWriter.resume(repository, header)

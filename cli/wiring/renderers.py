@@ -14,7 +14,6 @@ from handsight.collection.sim.renderer_choice import choose_renderer
 from handsight.collection.sim.station import SimStationFactory
 from handsight.datasets.errors import DatasetNotFoundError
 from handsight.datasets.format.header import canonical_json
-from handsight.datasets.reading.reader import GraspDataset
 
 
 def with_renderer(factory: SimStationFactory, wanted: str, *, dataset: str, seed: int) -> SimStationFactory:
@@ -41,6 +40,8 @@ def _settle(factory: SimStationFactory, dataset: str, seed: int) -> str:
 
 def _recorded_renderer(factory: SimStationFactory, dataset: str, seed: int) -> str | None:
     """The renderer of the latest session of this seed whose station differs in nothing else."""
+    from handsight.datasets.reading.reader import GraspDataset  # Icechunk and pandas, only for ``auto``
+
     try:
         sessions = GraspDataset.open(dataset).sessions
     except DatasetNotFoundError:

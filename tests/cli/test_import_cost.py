@@ -104,11 +104,11 @@ def test_a_refusal_imports_next_to_nothing(name: str, grasps: Path, tmp_path: Pa
         ("collect sim {new} --objects blorks", "unknown object set"),
     ],
 )
-def test_what_only_the_simulator_can_refuse_needs_no_network(words: str, said: str, tmp_path: Path) -> None:
+def test_what_only_the_simulator_can_refuse_needs_no_dataset(words: str, said: str, tmp_path: Path) -> None:
     status, modules, complaint = loaded(PROGRAM, *(word.format(new=tmp_path / "new") for word in words.split()))
     assert status == 2
     assert said in complaint
-    assert modules & {"torch", "rerun", "matplotlib", "rich"} == set()
+    assert modules & {"torch", "icechunk", "zarr", "pandas", "rerun", "matplotlib", "rich"} == set()
 
 
 @pytest.mark.parametrize("words", ["--help", "dataset --help", "dataset ls --help", "train --help", "collect sim -h"])

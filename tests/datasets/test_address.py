@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from handsight.datasets import AddressError, DatasetAddress
-from handsight.datasets.address import S3Prefix
+from handsight.datasets import AddressError, DatasetAddress, DatasetError, GraspRepository
+from handsight.datasets.address import S3Prefix, check_dataset_folder
 
 
 @pytest.mark.parametrize(
@@ -46,3 +46,16 @@ def test_a_place_in_a_bucket(text: str) -> None:
 def test_a_bucket_needs_a_sound_name_and_prefix(text: str) -> None:
     with pytest.raises(AddressError, match="expected a folder or s3://BUCKET/PREFIX"):
         DatasetAddress.parse(text)
+
+
+def test_what_cannot_be_a_dataset_is_refused_as_opening_refuses_it(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("x")
+    for name in ("nothing", "file", "."):
+        with pytest.raises(DatasetError) as cheap:
+            check_dataset_folder(tmp_path / name)
+        with pytest.raises(DatasetError) as opening:
+            GraspRepository.open(tmp_path / name)
+        assert type(cheap.value) is type(opening.value)
+        assert str(cheap.value) == str(opening.value)
+    check_dataset_folder(GraspRepository.create(tmp_path / "grasps").folder)
+    check_dataset_folder(S3Prefix(bucket="lab", prefix="grasps"))  # nobody is asked
