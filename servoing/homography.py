@@ -5,7 +5,7 @@ is an affine map. Crop, downsampling and step are composed into it, so every net
 
 Frames: pixels of the network input (column, row) -> metres on the plane in the tool frame after the step
 -> metres in the tool frame now -> pixels of the raw picture. The input is centred on the grasp point, not on the
-optical axis; this is what makes it symmetric under the mirroring of section V-A.
+optical axis; this is what makes it symmetric under the flips of section V-A.
 """
 
 from __future__ import annotations

@@ -137,8 +137,8 @@ COMMANDS = (
     LazyCommand(
         "suspect",
         "dataset.suspect:suspect",
-        "List the attempts whose label is doubtful.",
-        ("handsight dataset suspect grasps -n 40 --rrd suspects.rrd",),
+        "List likely label issues, lowest label quality first.",
+        ("handsight dataset suspect grasps -n 40 --rrd issues.rrd",),
     ),
     # Check and repair.
     LazyCommand(
