@@ -28,7 +28,6 @@ from handsight.datasets.records import RgbdFrame
 EncodedFrames = dict[str, Buffer]
 """One chunk for each array of pictures, by its path in the session's group; none where all values are fill values."""
 
-
 BATCH_FRAMES = 16
 """Pictures of one viewpoint that are decoded together, about 25 MB at 640x480."""
 

@@ -104,7 +104,7 @@ def test_the_same_attempts_under_another_id_are_left_out(source: GraspDataset, r
 def test_a_session_that_overlaps_is_refused(source: GraspDataset, repository: GraspRepository) -> None:
     sized(repository, make_header(seed=2, **HERE), 3)
     before = repository.resolve("main")
-    with pytest.raises(MergeError, match="3 of the 5 attempts of session"):
+    with pytest.raises(MergeError, match="shares 3 of its 5 attempts with session"):
         merge(source, repository)
     assert repository.resolve("main") == before
 
