@@ -124,7 +124,7 @@ def _train(paths: DemoPaths, release: str, settings: TrainSettings) -> None:
 
 
 def _evaluate(paths: DemoPaths, settings: EvaluationSettings) -> list[ResultRow]:
-    _headline(f"3  Servo on objects it never saw, {settings.trials} trials of each method")
+    _headline(f"3  Servo on objects it never saw, {counted(settings.trials, 'trial')} of each method")
     weights = hashlib.sha256((paths.run / WEIGHTS).read_bytes()).hexdigest()
     results = _read_results(paths.results)
     key = {"weights_sha256": weights, "trials_each": settings.trials, "seed": settings.seed}

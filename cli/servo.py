@@ -60,7 +60,7 @@ def servo_command(
     write_trace(out, recording, model, outside)
     result = "held" if recording.trial.success else "missed"
     console.print(
-        f"[bold]{out}[/]: {method}, {recording.trace.moves} moves, predicted success "
+        f"[bold]{out}[/]: {method}, {counted(recording.trace.moves, 'move')}, predicted success "
         f"{recording.trace.grasp_score:.2f}, {result}; open it with 'rerun {out}'"
     )
 

@@ -133,7 +133,7 @@ def filter_command(
         console.print(f"forgot filter [bold]{name}[/]")
     elif name and where:
         found = save_filter(repository, name, where, author=author_named(author), branch=ref, replace=replace)
-        console.print(f"saved filter [bold]{name}[/]: {counted(found, 'attempt')} match now")
+        console.print(f"saved filter [bold]{name}[/]: matches {counted(found, 'attempt')} now")
     elif name:
         raise typer.BadParameter("give the filter an expression, or --delete it", param_hint="--where")
     else:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -54,17 +55,17 @@ def import_command(
     """Add what another format holds to a dataset: all of it or, after any fault, nothing."""
     from handsight.datasets.exchange.commands import import_dataset  # a second; see above
 
-    report = import_dataset(source, dataset, format=format, branch=branch, allow_mismatch=allow_mismatch, dry_run=True)
-    if not dry_run:
-        with progress_bar("import", report.transfer.attempts) as bar:
-            report = import_dataset(
-                source,
-                dataset,
-                format=report.format,
-                branch=branch,
-                allow_mismatch=allow_mismatch,
-                on_attempt=bar.advance,
-            )
+    with progress_bar("import", 0) as bar:
+        report = import_dataset(
+            source,
+            dataset,
+            format=format,
+            branch=branch,
+            allow_mismatch=allow_mismatch,
+            dry_run=dry_run,
+            on_total=partial(bar.of, 0),
+            on_attempt=bar.advance,
+        )
     if as_json:
         print_json({"format": report.format, "created": report.created, **_as_json(report.transfer)})
         return
@@ -88,18 +89,17 @@ def merge_command(
     target, _ = open_repository(dataset)
     from handsight.datasets.exchange.merge import merge  # a second; see above
 
-    plan = merge(version, target, sessions=session, branch=branch, allow_mismatch=allow_mismatch, dry_run=True)
-    report = plan
-    if not dry_run:
-        with progress_bar("merge", plan.attempts) as bar:
-            report = merge(
-                version,
-                target,
-                sessions=session,
-                branch=branch,
-                allow_mismatch=allow_mismatch,
-                on_attempt=bar.advance,
-            )
+    with progress_bar("merge", 0) as bar:
+        report = merge(
+            version,
+            target,
+            sessions=session,
+            branch=branch,
+            allow_mismatch=allow_mismatch,
+            dry_run=dry_run,
+            on_total=partial(bar.of, 0),
+            on_attempt=bar.advance,
+        )
     if as_json:
         print_json(_as_json(report))
         return
