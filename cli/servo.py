@@ -9,6 +9,7 @@ import typer
 
 from handsight.cli.errors import CommandError
 from handsight.cli.options import (
+from handsight.datasets.errors import counted
     DEFAULT_METHOD,
     DEFAULT_THRESHOLD,
     EVALUATION_SEED,

@@ -135,7 +135,7 @@ def test_bad_input_changes_nothing(path: Path) -> None:
 
 
 def test_filters_are_saved_used_and_forgotten(path: Path) -> None:
-    assert "3 attempts match" in invoke("filter", path, "held", "--where", "success")
+    assert "matches 3 attempts now" in invoke("filter", path, "held", "--where", "success")
     assert json_of("filter", path) == [{"filter": "held", "where": "success", "attempts": 3}]
     assert json_of("exclude", path, "--filter", "held", "-m", "x")["attempts"] == ids(path, 0, 2, 4)
     assert "held" in invoke("filter", path)
