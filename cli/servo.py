@@ -9,7 +9,6 @@ import typer
 
 from handsight.cli.errors import CommandError
 from handsight.cli.options import (
-from handsight.datasets.errors import counted
     DEFAULT_METHOD,
     DEFAULT_THRESHOLD,
     EVALUATION_SEED,
@@ -20,6 +19,7 @@ from handsight.datasets.errors import counted
     TrialSeed,
 )
 from handsight.cli.output import console, progress_bar
+from handsight.datasets.errors import counted
 from handsight.training.run_folder import check_finished_run
 
 if TYPE_CHECKING:
