@@ -51,7 +51,7 @@ def test_ctrl_c_leaves_nothing_behind(
 
     def interrupt(bar: Bar, count: int, total: int) -> None:
         del bar, total
-        if list(cache_root().glob("imported/.mine-*/*/object.urdf")):
+        if list(cache_root().glob("imported/.mine*/**/object.urdf")):
             assert count == 1
             signal.raise_signal(signal.SIGINT)
 
