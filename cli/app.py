@@ -56,6 +56,8 @@ NOUNS = (
     ),
     LazyCommand("objects", "objects:objects_app", "Object sets of the simulated station."),
 )
+_COMPLETE = "_HANDSIGHT_COMPLETE"
+"""Variable by which a shell asks for candidates or for its script."""
 SHELLS = ("bash", "zsh", "fish")
 """Shells for which ``--show-completion`` can be asked by name."""
 
@@ -94,7 +96,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
     words = list(sys.argv[1:] if arguments is None else arguments)
     if len(words) == 2 and words[0] == "--show-completion" and words[1] in SHELLS:
         # The option alone looks which shell it was called from; this is how a shell asks for its own script.
-        os.environ["_HANDSIGHT_COMPLETE"] = f"source_{words.pop()}"
+        os.environ[_COMPLETE] = f"source_{words.pop()}"
     try:
         get_command(app)(args=words, prog_name="handsight")
     except SystemExit as leaving:
@@ -106,6 +108,8 @@ def run(arguments: Sequence[str] | None = None) -> int:
             raise
         report(error)
         return 2
+    finally:
+        os.environ.pop(_COMPLETE, None)  # it is about this call alone
     return 0
 
 
