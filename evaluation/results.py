@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import TypedDict
+from typing import TYPE_CHECKING, TypedDict
 
 import numpy as np
 from scipy import stats
 
-from handsight.evaluation.trial import Trial
+if TYPE_CHECKING:
+    # A table takes no torch, which running a trial does.
+    from handsight.evaluation.trial import Trial
 
 
 class ResultRow(TypedDict):

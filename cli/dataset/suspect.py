@@ -7,14 +7,9 @@ from typing import Annotated
 
 import typer
 
+from handsight.cli.opening import open_version
 from handsight.cli.options import Dataset, Json, Seed
 from handsight.cli.output import console, errors, print_json, print_table
-from handsight.datasets.reading.reader import GraspDataset
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command to ``handsight dataset``."""
-    app.command("suspect")(suspect)
 
 
 def suspect(
@@ -40,10 +35,9 @@ def suspect(
     one and judges that one. How rare a label is counts half in choosing the list, or successes, which are hard to
     foresee, would fill it.
     """
-    # Imported here: PyTorch and Rerun take seconds, and the other commands for datasets need neither.
-    from handsight.cli.wiring.label_review import checked_plan, review_labels, write_review
+    opened = open_version(dataset)
+    from handsight.cli.wiring.label_review import checked_plan, review_labels, write_review  # PyTorch and Rerun
 
-    opened = GraspDataset.open(dataset)
     plan = checked_plan(opened, folds=folds, epochs=epochs, where=where, seed=seed, rrd=rrd)
     data, review = review_labels(opened, plan, count)
     if rrd is not None:

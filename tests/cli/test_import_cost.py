@@ -68,6 +68,7 @@ REFUSED = {
     "dataset diff": ("dataset diff {no} main", "there is no dataset"),
     "dataset export": ("dataset export {no} {no}.h5 -f hdf5", "there is no dataset"),
     "dataset merge": ("dataset merge {no} {no}2", "there is no dataset"),
+    "dataset suspect": ("dataset suspect {no}", "there is no dataset"),
     "dataset materialize": ("dataset materialize {no}", "there is no dataset"),
     "an address that is none": ("dataset info {no}@", "ends in '@'"),
     "train": ("train {no} --out {folder}/run", "there is no dataset"),
@@ -145,3 +146,10 @@ def test_commands_for_datasets_import_no_network_and_no_viewer(words: str, grasp
     assert "icechunk" in modules
     assert modules & {"torch", "rerun", "matplotlib", "pybullet", "ray"} == set()
     assert "scipy" not in modules
+
+
+@pytest.mark.parametrize("words", ["stats {d} --plot {d}.png", "show {d} 2 --picture {d}-2.png", "doctor {d} --deep"])
+def test_what_draws_or_looks_at_a_dataset_imports_no_network(words: str, grasps: Path) -> None:
+    status, modules, complaint = loaded(PROGRAM, "dataset", *(word.format(d=grasps) for word in words.split()))
+    assert status in (0, 1), complaint
+    assert modules & {"torch", "rerun", "pybullet", "ray"} == set()
