@@ -159,6 +159,6 @@ def migrate_command(
         console.print(f"{dataset} has the newest schema already: no branch was made")
     else:
         console.print(
-            f"branch [bold]{done.branch}[/] ({done.snapshot}): {counted(done.sessions, 'session')} brought from schema "
-            f"{done.schema_before} to {done.schema_after}"
+            f"branch [bold]{done.branch}[/] ({done.snapshot}): {counted(done.sessions, 'session')} upgraded from "
+            f"schema {done.schema_before} to {done.schema_after}"
         )

@@ -151,7 +151,7 @@ def test_releases_that_meet_are_both_kept(monkeypatch: pytest.MonkeyPatch) -> No
 
 def test_one_name_is_released_once(monkeypatch: pytest.MonkeyPatch) -> None:
     repository = GraspRepository.create(ADDRESS)
-    monkeypatch.setattr(repository, "_tags", dict)  # As they were before the other came.
+    monkeypatch.setattr(repository, "is_taken", lambda name: False)  # As it was before the other came.
     GraspRepository.open(ADDRESS).release("v1")
     with pytest.raises(RefNameError, match="somebody has just released 'v1'"):
         repository.release("v1")
