@@ -16,6 +16,8 @@ from handsight.cli.app import NOUNS, run
 from handsight.datasets import GraspDataset
 from handsight.viz.figures.pictures import WIDTH_PX
 
+pytestmark = pytest.mark.timeout(900)  # The demo, a whole line of collecting, training and trials, on a busy machine.
+
 
 @pytest.fixture(scope="module")
 def demo_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
