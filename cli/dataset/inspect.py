@@ -176,7 +176,7 @@ def stats(
         print_json(found)
         return
     console.print(
-        f"{found.successes} of {found.labelled} labelled attempts succeed; "
+        f"{found.successes} of {counted(found.labelled, 'labelled attempt')} succeed; "
         f"{found.unlabelled} carry no label, {found.excluded} are excluded"
     )
     for title, shares in (
@@ -191,7 +191,7 @@ def stats(
         console.print(f"[bold]{plot}[/]: the same as a figure, with place and time")
 
 
-# The next four import what draws when it is wanted: Matplotlib and PyTorch take seconds.
+# The next four import what draws when it is wanted: Matplotlib takes a second.
 def _check_picture(path: Path) -> None:
     from handsight.viz.figures.style import check_figure_path
 

@@ -199,6 +199,10 @@ def packed_rows(status: str, attempts: int) -> int:
     return PACKED_CHUNK_ROWS if status == "sealed" and attempts > COLUMN_CHUNK_ROWS else COLUMN_CHUNK_ROWS
 
 
+MOST_DIGITS = 19
+"""Of an attempt's number. Python itself refuses to read a few thousand."""
+
+
 def attempt_id(session: str, number: int) -> str:
     """The id of an attempt: its session's ULID and its number."""
     return f"{session}-{number:06d}"
@@ -210,10 +214,18 @@ def parse_attempt_id(text: str) -> tuple[str, int]:
     Raises:
         AttemptNotFoundError: The text is no attempt id.
     """
-    session, _, number = text.rpartition("-")
-    if not session or not (number.isascii() and number.isdigit()) or attempt_id(session, int(number)) != text:
+    session, _, digits = text.rpartition("-")
+    number = attempt_number(digits)
+    if not session or number is None or attempt_id(session, number) != text:
         raise AttemptNotFoundError(f"attempt id is {text!r}, expected SESSION-NUMBER such as {attempt_id('01K…', 7)}")
-    return session, int(number)
+    return session, number
+
+
+def attempt_number(digits: str) -> int | None:
+    """The number that a text writes; None where it is none, or longer than a number of 64 bits (see ``keys``)."""
+    if not (digits.isascii() and digits.isdigit()) or len(digits) > MOST_DIGITS:
+        return None
+    return int(digits)
 
 
 def create_arrays(session: zarr.Group, header: SessionHeader, *, column_rows: int = COLUMN_CHUNK_ROWS) -> None:

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from itertools import islice
 
 from handsight.datasets.errors import AttemptNotFoundError
-from handsight.datasets.format.schema import attempt_id
+from handsight.datasets.format.schema import attempt_id, attempt_number
 from handsight.datasets.format.sessions import SessionInfo
 from handsight.datasets.reading.reader import GraspDataset
 
@@ -49,33 +49,34 @@ _Ranges = list[tuple[SessionInfo, range]]
 
 def _meant(sessions: Sequence[SessionInfo], text: str) -> _Ranges:
     """The attempts that a text can mean."""
-    ulid, dash, number = text.rpartition("-")
-    if _is_number(number):
-        exact = [(one, range(int(number), int(number) + 1)) for one in sessions if one.ulid.startswith(ulid)]
+    ulid, dash, digits = text.rpartition("-")
+    number = _written_out(digits)
+    if number is not None:
+        exact = [(one, range(number, number + 1)) for one in sessions if one.ulid.startswith(ulid)]
         exact = [(one, numbers) for one, numbers in exact if numbers.stop <= one.attempts]
         # Without a session it is only ever a number: ULIDs begin with the time, all of a century with 01.
         if exact or not dash:
             return exact
     if not dash:
         return [(one, range(one.attempts)) for one in sessions if text and one.ulid.startswith(text)]
-    return [(one, numbers) for one in sessions if one.ulid == ulid for numbers in _beginning_with(number, one.attempts)]
+    return [(one, numbers) for one in sessions if one.ulid == ulid for numbers in _beginning_with(digits, one.attempts)]
 
 
-def _is_number(text: str) -> bool:
-    """Whether it is written as a number is, or as an id ends."""
-    if not (text.isascii() and text.isdigit()):
-        return False
-    return str(int(text)) == text or attempt_id("", int(text)) == f"-{text}"
+def _written_out(digits: str) -> int | None:
+    """The number of an attempt, written as a number is or as an id ends; None for anything else."""
+    number = attempt_number(digits)
+    return number if number is not None and digits in (str(number), attempt_id("", number)[1:]) else None
 
 
 def _beginning_with(digits: str, attempts: int) -> Iterator[range]:
     """The numbers below ``attempts`` that begin with ``digits`` at the end of an id."""
-    if not attempts or (digits and not (digits.isascii() and digits.isdigit())):
+    first_digits = attempt_number(digits or "0")
+    if not attempts or first_digits is None:
         return
     shortest, longest = (len(attempt_id("", number)) - 1 for number in (0, attempts - 1))
     for width in range(shortest, longest + 1):
         unit = 10 ** (width - len(digits)) if len(digits) <= width else 0
-        first = int(digits or 0) * unit
+        first = first_digits * unit
         least = 0 if width == shortest else 10 ** (width - 1)
         last = first + unit if digits else 10**width
         yield range(max(first, least), max(first, least, min(last, attempts)))

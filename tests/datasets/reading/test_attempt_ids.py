@@ -80,6 +80,15 @@ def test_what_means_nothing_is_refused_with_what_there_is(grasps: GraspDataset) 
     assert re.findall("'(12|2|x)'", fault(grasps, "12", "10", "2", "x")) == ["12", "2", "x"]  # all faults at once
 
 
+def test_more_digits_than_a_number_can_have_mean_nothing(grasps: GraspDataset) -> None:
+    """Python refuses to read more than 4300 of them, with an error that is nobody's."""
+    first, digits = grasps.sessions[0].ulid, "1" * 5000
+    for text in (digits, f"{first}-{digits}", f"{first}-{'0' * 5000}"):
+        assert "there is no attempt" in fault(grasps, text)
+        with pytest.raises(AttemptNotFoundError):
+            grasps.attempt(text)
+
+
 @given(st.integers(0, 1_000_300), st.from_regex(r"[0-9]{0,8}", fullmatch=True))
 def test_beginnings_of_numbers_are_counted_without_being_listed(attempts: int, digits: str) -> None:
     edges = {int(digits or 0) * 10**power for power in range(8)} | {attempts, 1_000_000}
