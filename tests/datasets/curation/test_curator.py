@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from tests.support.factories import difference, make_attempt, make_header, record
+from tests.support.versions import opened
 
 from handsight.datasets import (
     AttemptNotFoundError,
@@ -33,10 +34,6 @@ def curated(repository: GraspRepository) -> GraspRepository:
     outcomes = [Outcome.HELD, Outcome.EMPTY] * 2 + [Outcome.HELD, Outcome.ABORTED]
     record(repository, HEADER, [make_attempt(HEADER, number, outcome=one) for number, one in enumerate(outcomes)])
     return repository
-
-
-def opened(repository: GraspRepository) -> GraspDataset:
-    return GraspDataset.open(str(repository.path))
 
 
 def numbers(repository: GraspRepository, column: str) -> list[int]:

@@ -11,11 +11,11 @@ import zarr
 from hypothesis import given
 from hypothesis import strategies as st
 from tests.support.factories import make_attempt, make_header, make_scene, record
+from tests.support.versions import opened
 
 from handsight.datasets import (
     Curator,
     FoldsError,
-    GraspDataset,
     GraspRepository,
     Outcome,
     RefNameError,
@@ -36,10 +36,6 @@ def divided(repository: GraspRepository) -> GraspRepository:
         header = make_header(seed=seed)
         record(repository, header, [make_attempt(header, number) for number in range(10)], every=10)
     return repository
-
-
-def opened(repository: GraspRepository) -> GraspDataset:
-    return GraspDataset.open(str(repository.path))
 
 
 @pytest.mark.parametrize("by", GROUPINGS)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 from tests.support.factories import make_attempt, make_header, record
+from tests.support.versions import opened
 
 from handsight.datasets import (
     Curator,
-    GraspDataset,
     GraspRepository,
     Outcome,
     RefNameError,
@@ -27,10 +27,6 @@ def curated(repository: GraspRepository) -> GraspRepository:
     outcomes = [Outcome.HELD, Outcome.EMPTY] * 2 + [Outcome.HELD, Outcome.ABORTED]
     record(repository, HEADER, [make_attempt(HEADER, number, outcome=one) for number, one in enumerate(outcomes)])
     return repository
-
-
-def opened(repository: GraspRepository) -> GraspDataset:
-    return GraspDataset.open(str(repository.path))
 
 
 def numbers(repository: GraspRepository, column: str) -> list[int]:

@@ -14,12 +14,12 @@ import zarr
 from hypothesis import given
 from hypothesis import strategies as st
 from tests.support.factories import make_attempt, make_header, record
+from tests.support.versions import opened
 
 from handsight.datasets import (
     Curator,
     Diagnosis,
     GraspAttempt,
-    GraspDataset,
     GraspRepository,
     Outcome,
     RgbdFrame,
@@ -76,10 +76,6 @@ def attempts(**changes: Any) -> list[GraspAttempt]:
         replace(one, **changes) if one.number == at else one
         for one in (sound_attempt(HEADER, number) for number in range(SIZE))
     ]
-
-
-def opened(repository: GraspRepository) -> GraspDataset:
-    return GraspDataset.open(str(repository.path))
 
 
 def codes(diagnosis: Diagnosis) -> list[str]:

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from tests.support.factories import make_attempt, make_header, record
+from tests.support.versions import opened
 
 from handsight.datasets import (
-    GraspDataset,
     GraspRepository,
     Outcome,
     SessionWriter,
@@ -30,10 +30,6 @@ def recorded(repository: GraspRepository) -> GraspRepository:
     attempts = [make_attempt(HEADER, number, outcome=Outcome.HELD) for number in range(SIZE)]
     record(repository, HEADER, attempts, every=SIZE)
     return repository
-
-
-def opened(repository: GraspRepository, ref: str = "main") -> GraspDataset:
-    return GraspDataset.open(f"{repository.path}@{ref}")
 
 
 def files(repository: GraspRepository) -> set[Path]:

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 from tests.support.factories import difference, make_attempt, make_header, record
+from tests.support.versions import opened
 
 from handsight.datasets import (
     CorruptDataError,
     GraspAttempt,
-    GraspDataset,
     GraspRepository,
     Outcome,
     RefNameError,
@@ -31,10 +31,6 @@ def recorded(repository: GraspRepository) -> GraspRepository:
     attempts = [make_attempt(HEADER, number, outcome=Outcome.HELD) for number in range(SIZE)]
     record(repository, HEADER, attempts, every=SIZE)
     return repository
-
-
-def opened(repository: GraspRepository, ref: str = "main") -> GraspDataset:
-    return GraspDataset.open(f"{repository.path}@{ref}")
 
 
 def simulate(header: SessionHeader, number: int) -> GraspAttempt:

@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 import zarr
 from tests.support.factories import make_attempt, make_header, record
+from tests.support.versions import opened
 
-from handsight.datasets import Curator, DatasetError, GraspDataset, GraspRepository, Outcome, Selection, verify
+from handsight.datasets import Curator, DatasetError, GraspRepository, Outcome, Selection, verify
 from handsight.datasets.format.arrays import array_at, group_at
 
 FLIPS = int(os.environ.get("HANDSIGHT_FLIPS", "60"))
@@ -26,10 +27,6 @@ def recorded(repository: GraspRepository) -> GraspRepository:
         header = make_header(seed=seed, width=32, height=24)
         record(repository, header, [make_attempt(header, number) for number in range(size)], every=7)
     return repository
-
-
-def opened(repository: GraspRepository) -> GraspDataset:
-    return GraspDataset.open(str(repository.path))
 
 
 def tamper(repository: GraspRepository, change: Callable[[zarr.Group], None]) -> None:
