@@ -125,3 +125,11 @@ def test_most_of_the_wrong_labels_rank_on_top() -> None:
     found = [one.attempt in planted for one in rank_label_issues(attempts, scores, count=30).issues]
     assert sum(found) >= 13
     assert sum(found[:15]) >= 11
+
+
+def test_half_of_what_is_due_to_a_rare_label_is_left_out() -> None:
+    """A network that knows nothing says 0.5 of every attempt: what is left is the share of the prior, either way."""
+    labels = np.array([1, 0, 0, 0, 0, 0, 0], np.float32)
+    odds = issue_log_odds(np.full(len(labels), 0.5, np.float32), labels)
+    half = 0.5 * np.log((1 + 1) / (6 + 1))
+    np.testing.assert_allclose(odds, np.where(labels > 0.5, half, -half))
