@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from datetime import datetime
 from functools import partial
 from typing import Any
 
 import zarr
 from ulid import ULID
 
-from handsight.datasets.errors import InterchangeError, counted
+from handsight.datasets.errors import HeaderError, InterchangeError, counted
 from handsight.datasets.format.arrays import array_at, group_at, read_rows
 from handsight.datasets.format.frames import BATCH_FRAMES, frame_arrays, read_frames
-from handsight.datasets.format.header import canonical_json, config_digest
+from handsight.datasets.format.header import config_digest
+from handsight.datasets.format.provenance import utc_now
 from handsight.datasets.format.rows import from_row
 from handsight.datasets.format.schema import (
     COLUMN_CHUNK_ROWS,
@@ -23,9 +25,10 @@ from handsight.datasets.format.schema import (
     ColumnWidths,
     column_widths,
 )
-from handsight.datasets.format.sessions import session_from_attributes
+from handsight.datasets.format.sessions import SessionInfo, session_from_attributes
+from handsight.datasets.format.typed import listed, shown
 from handsight.datasets.format.upgrades import columns_of, current_attributes, empty_columns
-from handsight.datasets.format.validation import header_faults
+from handsight.datasets.format.validation import header_faults, json_faults
 from handsight.datasets.records import GraspAttempt, SessionHeader
 from handsight.datasets.writing.batches import EncodedAttempt
 
@@ -61,28 +64,46 @@ def checked_source(
     Raises:
         InterchangeError: They are not; the message lists every fault.
     """
+    if not _is_ulid(ulid):
+        raise InterchangeError(f"session {shown(ulid)} was not written by handsight: expected a ULID as its name")
     try:
-        if str(ULID.from_str(ulid)) != ulid:
-            raise ValueError("not in canonical form")
         info = session_from_attributes(ulid, attributes, attempts=size)
-        faults = header_faults(info.header)
-        canonical_json(attributes)
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise InterchangeError(
-            f"session {ulid!r} was not written by handsight ({type(error).__name__}: {error}), "
-            "expected a ULID and the attributes of a session"
-        ) from error
-    if not faults and info.config_digest != config_digest(info.header):
-        faults.append("config_digest does not belong to the header: it was changed after it was recorded")
-    if info.status not in ("open", "sealed"):
-        faults.append(f"status is {info.status!r}, expected open or sealed")
+    except HeaderError as error:
+        raise InterchangeError(f"session {ulid} was not written by handsight: {error}") from error
+    faults = header_faults(info.header) or _attribute_faults(info, attributes)
     if digests and len(digests) != size:
         faults.append(f"it has {counted(len(digests), 'digest')} for {counted(size, 'attempt')}")
     if faults:
-        raise InterchangeError(f"session {ulid} cannot be imported: {'; '.join(faults)}")
+        raise InterchangeError(f"session {ulid} cannot be imported: {listed(faults)}")
     return SessionSource(
         ulid=ulid, header=info.header, attributes=attributes, digests=digests, size=size, attempts=attempts
     )
+
+
+def _is_ulid(text: object) -> bool:
+    try:
+        return isinstance(text, str) and str(ULID.from_str(text)) == text
+    except ValueError:
+        return False
+
+
+def _attribute_faults(info: SessionInfo, attributes: dict[str, Any]) -> list[str]:
+    """What is wrong beside the header, which is sound."""
+    faults = []
+    if info.config_digest != config_digest(info.header):
+        faults.append("config_digest does not belong to the header: it was changed after it was recorded")
+    for name, moment in (("started", info.started), ("ended", info.ended)):
+        if moment is not None and not _is_moment(moment):
+            faults.append(f"{name} is {shown(moment)}, expected a time in ISO 8601 such as {utc_now()}")
+    return faults + json_faults("the attributes", attributes)
+
+
+def _is_moment(text: str) -> bool:
+    try:
+        datetime.fromisoformat(text)
+    except ValueError:
+        return False
+    return True
 
 
 def stored_source(group: zarr.Group, ulid: str, schema: int) -> SessionSource:
@@ -96,11 +117,18 @@ def stored_source(group: zarr.Group, ulid: str, schema: int) -> SessionSource:
     digests = read_rows(array_at(group, "attempts/digest"), 0, size)
     source = checked_source(
         ulid,
-        current_attributes(group.attrs.asdict(), schema),
+        _current_attributes(group, ulid, schema),
         size=size,
         digests=tuple(digest.tobytes() for digest in digests),
     )
     return replace(source, attempts=partial(read_attempts, group, size, column_widths(source.header), schema))
+
+
+def _current_attributes(group: zarr.Group, ulid: str, schema: int) -> dict[str, Any]:
+    try:
+        return current_attributes(group.attrs.asdict(), schema)
+    except HeaderError as error:
+        raise InterchangeError(f"session {ulid} was not written by handsight: {error}") from error
 
 
 def stored_sources(root: zarr.Group, schema: int = SCHEMA_VERSION) -> list[SessionSource]:

@@ -7,8 +7,8 @@ import json
 from dataclasses import asdict
 from typing import Any
 
+from handsight.datasets.format.typed import typed
 from handsight.datasets.records import SessionHeader, StationSpec
-from handsight.servoing.camera import HandCamera
 
 
 def canonical_json(value: Any) -> str:
@@ -27,10 +27,13 @@ def station_to_json(station: StationSpec) -> dict[str, Any]:
     return {**asdict(station), **names, "camera": station.camera.to_json()}
 
 
-def station_from_json(values: dict[str, Any]) -> StationSpec:
-    """The station spec that ``station_to_json`` was given."""
-    names = {key: tuple(values[key]) for key in ("objects", "conditions")}
-    return StationSpec(**{**values, **names, "camera": HandCamera.from_json(values["camera"])})
+def station_from_json(values: object) -> StationSpec:
+    """The station spec that ``station_to_json`` was given.
+
+    Raises:
+        HeaderError: The values make no station spec; every fault is said.
+    """
+    return typed(StationSpec, values)
 
 
 def header_to_json(header: SessionHeader) -> dict[str, Any]:
@@ -43,9 +46,13 @@ def header_to_json(header: SessionHeader) -> dict[str, Any]:
     }
 
 
-def header_from_json(values: dict[str, Any]) -> SessionHeader:
-    """The session header that ``header_to_json`` was given; tuples in its configuration come back as lists."""
-    return SessionHeader(**{**values, "station": station_from_json(values["station"])})
+def header_from_json(values: object) -> SessionHeader:
+    """The session header that ``header_to_json`` was given; tuples in its configuration come back as lists.
+
+    Raises:
+        HeaderError: The values make no session header; every fault is said.
+    """
+    return typed(SessionHeader, values)
 
 
 def config_digest(header: SessionHeader) -> str:

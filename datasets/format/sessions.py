@@ -8,17 +8,20 @@ from typing import Any, Literal
 
 import zarr
 
-from handsight.datasets.errors import CorruptDataError
+from handsight.datasets.errors import CorruptDataError, HeaderError
 from handsight.datasets.format.arrays import array_at, group_at
 from handsight.datasets.format.header import canonical_json, config_digest, header_from_json, header_to_json
 from handsight.datasets.format.provenance import code_version, package_versions, utc_now
 from handsight.datasets.format.schema import SESSIONS
+from handsight.datasets.format.typed import typed
 from handsight.datasets.records import SessionHeader
 
 SessionStatus = Literal["open", "sealed"]
 
 _PROVENANCE = ("header", "config_digest", "code", "packages", "started")
 _STATUS = ("status", "ended")
+_ENCODING_FAILURES = (TypeError, ValueError, RecursionError)
+"""What values raise that handsight never writes: NaN, and lists in lists without end."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,10 +73,14 @@ def attributes_with_header(attributes: dict[str, Any], header: dict[str, Any]) -
 
     Raises:
         CorruptDataError: The attributes are damaged, which a new digest would hide.
+        HeaderError: They make no session.
     """
     damage = attribute_damage(attributes)
     if damage:
         raise CorruptDataError(f"a session is damaged: {'; '.join(damage)}; restore the dataset from a copy")
+    missing = [name for name in _PROVENANCE if name not in attributes]
+    if missing:
+        raise HeaderError(f"{', '.join(missing)} of a session are missing")
     renewed = {**attributes, "header": header, "config_digest": config_digest(header_from_json(header))}
     return {**renewed, "provenance_digest": _digest({name: renewed[name] for name in _PROVENANCE})}
 
@@ -83,7 +90,7 @@ def attribute_damage(attributes: dict[str, Any]) -> list[str]:
     faults = []
     for name, covered in (("provenance_digest", _PROVENANCE), ("status_digest", _STATUS)):
         recorded = attributes.get(name)
-        if recorded is not None and recorded != _digest({key: attributes.get(key) for key in covered}):
+        if recorded is not None and recorded != _digest_of_any({key: attributes.get(key) for key in covered}):
             faults.append(f"{', '.join(covered)} are not as recorded")
     return faults
 
@@ -95,11 +102,7 @@ def read_sessions(root: zarr.Group) -> tuple[SessionInfo, ...]:
         CorruptDataError: What describes a session is damaged.
     """
     sessions = group_at(root, SESSIONS)
-    try:
-        return tuple(_read_session(group_at(sessions, ulid), ulid) for ulid in sorted(sessions.group_keys()))
-    except (KeyError, TypeError, ValueError) as error:
-        what = f"{type(error).__name__}: {error}"
-        raise CorruptDataError(f"the sessions cannot be read: {what}; restore the dataset from a copy") from error
+    return tuple(_read_session(group_at(sessions, ulid), ulid) for ulid in sorted(sessions.group_keys()))
 
 
 def matching_sessions(root: zarr.Group, header: SessionHeader) -> list[SessionInfo]:
@@ -112,32 +115,39 @@ def matching_sessions(root: zarr.Group, header: SessionHeader) -> list[SessionIn
     ]
 
 
-def session_from_attributes(ulid: str, attributes: dict[str, Any], *, attempts: int) -> SessionInfo:
+def session_from_attributes(ulid: str, attributes: object, *, attempts: int) -> SessionInfo:
     """The session that a group's attributes describe.
 
     Raises:
-        KeyError, TypeError, ValueError: They were not written by handsight.
+        HeaderError: They were not written by handsight; every fault is said.
     """
-    return SessionInfo(
-        ulid=ulid,
-        header=header_from_json(attributes["header"]),
-        config_digest=attributes["config_digest"],
-        code=attributes["code"],
-        packages=attributes["packages"],
-        started=attributes["started"],
-        ended=attributes["ended"],
-        status=attributes["status"],
-        attempts=attempts,
-    )
+    if not isinstance(attributes, dict):
+        raise HeaderError(f"the attributes are a {type(attributes).__name__}, expected those of a session")
+    described = {name: attributes[name] for name in (*_PROVENANCE, *_STATUS) if name in attributes}
+    return typed(SessionInfo, {**described, "ulid": ulid, "attempts": attempts})
 
 
 def _read_session(group: zarr.Group, ulid: str) -> SessionInfo:
     rows = array_at(group, "attempts/number").shape[0]
-    return session_from_attributes(ulid, group.attrs.asdict(), attempts=rows)
+    try:
+        return session_from_attributes(ulid, group.attrs.asdict(), attempts=rows)
+    except HeaderError as error:
+        raise CorruptDataError(
+            f"session {ulid} cannot be read: {error}; restore the dataset from a copy, or open a version from before "
+            "it, which 'handsight dataset log' lists"
+        ) from error
 
 
 def _status_attributes(status: dict[str, Any]) -> dict[str, Any]:
     return {**status, "status_digest": _digest(status)}
+
+
+def _digest_of_any(attributes: dict[str, Any]) -> str | None:
+    """The digest of attributes that may be damaged; None where they have none."""
+    try:
+        return _digest(attributes)
+    except _ENCODING_FAILURES:
+        return None
 
 
 def _digest(attributes: dict[str, Any]) -> str:

@@ -12,8 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from handsight.datasets.errors import HeaderError
 from handsight.datasets.format.schema import COLUMNS, SCHEMA_VERSION, Column, ColumnWidths
 from handsight.datasets.format.sessions import attributes_with_header
+from handsight.datasets.format.typed import shown
 
 
 def current_attributes(attributes: dict[str, Any], schema: int) -> dict[str, Any]:
@@ -21,7 +23,10 @@ def current_attributes(attributes: dict[str, Any], schema: int) -> dict[str, Any
 
     Raises:
         CorruptDataError: They are damaged, which a new digest would hide.
+        HeaderError: They were not written by handsight.
     """
+    if not isinstance(attributes, dict):
+        raise HeaderError(f"the attributes of a session are {shown(attributes)}, expected an object")
     for version in range(schema, SCHEMA_VERSION):
         attributes = _STEPS[version](attributes)
     return attributes
@@ -47,9 +52,11 @@ def empty_columns(schema: int, rows: int, widths: ColumnWidths) -> dict[str, NDA
 
 def _with_conditions(attributes: dict[str, Any]) -> dict[str, Any]:
     """1 to 2: stations name the conditions they vary."""
-    header = dict(attributes["header"])
-    header["station"] = {**header["station"], "conditions": []}
-    return attributes_with_header(attributes, header)
+    header = attributes.get("header")
+    station = header.get("station") if isinstance(header, dict) else None
+    if not isinstance(header, dict) or not isinstance(station, dict):
+        raise HeaderError(f"header.station of a session is {shown(station)}, expected an object")
+    return attributes_with_header(attributes, {**header, "station": {**station, "conditions": []}})
 
 
 _STEPS: dict[int, Callable[[dict[str, Any]], dict[str, Any]]] = {1: _with_conditions}

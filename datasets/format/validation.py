@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+import json
 import math
 import re
+from collections import Counter
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from handsight.datasets.errors import counted
+from handsight.datasets.format import quantities
 from handsight.datasets.format.attempts_table import TABLE
 from handsight.datasets.format.header import canonical_json
+from handsight.datasets.format.quantities import Quantity
 from handsight.datasets.format.rows import frame_of
 from handsight.datasets.format.schema import FAILURE_BYTES, VIEWPOINTS
+from handsight.datasets.format.typed import shown
 from handsight.datasets.records import (
     PHASES,
     GraspAttempt,
@@ -24,30 +30,85 @@ from handsight.datasets.records import (
     SessionHeader,
     StationSpec,
 )
-from handsight.servoing.camera import Intrinsics
+from handsight.servoing.camera import HandCamera, Intrinsics
 
-_ROTATION_TOLERANCE = 1e-4
-"""Largest departure from orthonormality of a rotation that a station measured."""
-
-LARGEST_SIDE_PX = 8192
-"""Larger than any depth camera. An imported file must not have memory set aside for whatever it claims."""
-
-_INT64_MAX = 2**63 - 1
-_INT16_MAX = 2**15 - 1
+_LONGEST_NAME = 512
+"""Characters of an object's name, a condition's or a serial number."""
 
 
 def header_faults(header: SessionHeader) -> list[str]:
-    """What keeps a session with this header from being recorded; empty when nothing does."""
-    faults = _station_faults(header.station)
-    if header.seed is not None and not 0 <= header.seed <= _INT64_MAX:
-        faults.append(f"seed is {header.seed}, expected 0 to 2**63 - 1, or None")
-    if not 0 <= header.objects_per_scene <= _INT16_MAX:
-        faults.append(f"objects_per_scene is {header.objects_per_scene}, expected 0 to {_INT16_MAX}")
-    try:
-        canonical_json(header.config)
-    except (TypeError, ValueError) as error:
-        faults.append(f"config is not JSON: {error}")
+    """What keeps a session with this header from being recorded; empty when nothing does.
+
+    The fields have the types that they are declared with (``typed.py`` sees to that for what comes from elsewhere).
+    """
+    faults = station_faults(header.station)
+    if header.seed is not None:
+        faults += _number_faults([(quantities.SEED, header.seed, "seed")])
+    faults += _number_faults([(quantities.OBJECTS_PER_SCENE, header.objects_per_scene, "objects_per_scene")])
+    return faults + json_faults("config", header.config)
+
+
+def station_faults(station: StationSpec) -> list[str]:
+    """What keeps a station from being recorded; empty when nothing does."""
+    faults = []
+    if not re.fullmatch(r"[a-z][a-z0-9_-]*", station.source) or len(station.source) > _LONGEST_NAME:
+        faults.append(f"source is {shown(station.source)}, expected a lower-case word such as sim or ur10")
+    faults += _number_faults(
+        [
+            (quantities.DEPTH_SCALE, station.depth_scale_m, "depth_scale_m"),
+            (quantities.PREGRASP_HEIGHT, station.pregrasp_height_m, "pregrasp_height_m"),
+            (quantities.GRIPPER_STROKE, station.gripper_stroke_m, "gripper_stroke_m"),
+            (quantities.CLOSED_WIDTH, station.closed_width_m, "closed_width_m"),
+        ]
+    )
+    if station.closed_width_m >= station.gripper_stroke_m:
+        faults.append(
+            f"closed_width_m is {station.closed_width_m} and gripper_stroke_m {station.gripper_stroke_m}, "
+            "expected 0 <= closed < stroke"
+        )
+    faults += camera_faults(station.camera)
+    return faults + _catalogue_faults(station) + _condition_name_faults(station.conditions)
+
+
+def camera_faults(camera: HandCamera) -> list[str]:
+    """What keeps a camera from being recorded; empty when nothing does."""
+    lens = camera.intrinsics
+    offsets = [(quantities.CAMERA_OFFSET, getattr(camera, f"{axis}_tool_camera_m"), axis) for axis in "xyz"]
+    faults = _number_faults(
+        [
+            (quantities.PICTURE_SIDE, lens.width, "camera.intrinsics.width"),
+            (quantities.PICTURE_SIDE, lens.height, "camera.intrinsics.height"),
+            (quantities.PRINCIPAL_POINT, lens.cx, "camera.intrinsics.cx"),
+            (quantities.PRINCIPAL_POINT, lens.cy, "camera.intrinsics.cy"),
+            *((quantity, value, f"camera.{axis}_tool_camera_m") for quantity, value, axis in offsets),
+        ]
+    )
+    for side, focal, name in ((lens.width, lens.fx, "fx"), (lens.height, lens.fy, "fy")):
+        angle = field_of_view_rad(side, focal)
+        if not quantities.PICTURE_SIDE.impossible(side) and quantities.FIELD_OF_VIEW.impossible(angle):
+            low, high = quantities.FIELD_OF_VIEW.possible
+            faults.append(
+                f"camera.intrinsics.{name} is {focal:g} px for {side} px, a field of view of {angle:.4g} rad, expected "
+                f"{low:g} to {high:g} rad: focal lengths are in pixels"
+            )
     return faults
+
+
+def field_of_view_rad(side_px: int, focal_px: float) -> float:
+    """The angle that a picture spans along one of its sides [rad]."""
+    return 2 * math.atan2(side_px, 2 * focal_px)
+
+
+def json_faults(name: str, value: object) -> list[str]:
+    """What keeps a value from being stored as JSON; empty when nothing does."""
+    try:
+        canonical_json(value)
+        json.dumps(value, ensure_ascii=False).encode()
+    except UnicodeEncodeError:
+        return [f"{name} holds a lone surrogate, expected text that UTF-8 can write"]
+    except (TypeError, ValueError, RecursionError) as error:
+        return [f"{name} is not JSON: {error}"]
+    return []
 
 
 def attempt_faults(attempt: GraspAttempt, header: SessionHeader) -> list[str]:
@@ -62,47 +123,62 @@ def attempt_faults(attempt: GraspAttempt, header: SessionHeader) -> list[str]:
     faults += _gripper_faults(attempt.gripper)
     faults += _scene_faults(attempt.scene, header)
     faults += _outcome_faults(attempt, header.station)
-    for name in ("started_ns", "elapsed_ns"):
-        value = getattr(attempt, name)
-        if not 0 <= value <= _INT64_MAX:
-            faults.append(f"{name} is {value}, expected 0 to 2**63 - 1")
-    return faults
+    clock = [
+        (quantities.STARTED, attempt.started_ns, "started_ns"),
+        (quantities.ELAPSED, attempt.elapsed_ns, "elapsed_ns"),
+    ]
+    return faults + _number_faults(clock)
 
 
-def _station_faults(station: StationSpec) -> list[str]:
-    faults = []
-    if not re.fullmatch(r"[a-z][a-z0-9_-]*", station.source):
-        faults.append(f"source is {station.source!r}, expected a lower-case word such as sim or ur10")
-    if not (math.isfinite(station.depth_scale_m) and station.depth_scale_m > 0):
-        faults.append(f"depth_scale_m is {station.depth_scale_m}, expected positive metres per unit")
-    if not (math.isfinite(station.pregrasp_height_m) and station.pregrasp_height_m > 0):
-        faults.append(f"pregrasp_height_m is {station.pregrasp_height_m}, expected positive metres")
-    if not (math.isfinite(station.gripper_stroke_m) and 0 <= station.closed_width_m < station.gripper_stroke_m):
-        faults.append(
-            f"closed_width_m is {station.closed_width_m} and gripper_stroke_m {station.gripper_stroke_m}, "
-            "expected 0 <= closed < stroke"
-        )
-    camera = station.camera
-    if max(camera.intrinsics.width, camera.intrinsics.height) > LARGEST_SIDE_PX:
-        faults.append(
-            f"pictures are {camera.intrinsics.width}x{camera.intrinsics.height}, expected at most {LARGEST_SIDE_PX} "
-            "pixels a side"
-        )
-    offset = (camera.x_tool_camera_m, camera.y_tool_camera_m, camera.z_tool_camera_m)
-    if not all(math.isfinite(value) for value in offset):
-        faults.append(f"camera offset is {offset} m, expected finite")
+def _number_faults(numbers: Iterable[tuple[Quantity, float, str]]) -> list[str]:
+    """The complaints about numbers that are impossible, each under its name."""
+    faults = [quantity.fault(value, name) for quantity, value, name in numbers]
+    return [fault for fault in faults if fault is not None]
+
+
+def _catalogue_faults(station: StationSpec) -> list[str]:
+    serials = station.serials or {}
+    texts = {
+        "objects": station.objects,
+        "conditions": station.conditions,
+        "serials": (*serials, *serials.values()),
+    }
+    faults = _number_faults(
+        [
+            (quantities.CATALOGUE, len(station.objects), "the number of objects"),
+            (quantities.CONDITION_COUNT, len(station.conditions), "the number of conditions"),
+        ]
+    )
+    for kind, names in texts.items():
+        strange = [name for name in names if not _is_plain(name)]
+        if strange:
+            faults.append(
+                f"{kind} holds {', '.join(map(shown, strange[:3]))}, expected text of up to {_LONGEST_NAME} "
+                "characters without control characters"
+            )
+    if "" in station.objects:
+        faults.append("objects holds an empty name")
     for kind in ("objects", "conditions"):
-        names = getattr(station, kind)
-        if len(set(names)) != len(names):
-            twice = sorted({name for name in names if names.count(name) > 1})
-            faults.append(f"{kind} names {', '.join(twice)} more than once")
-    strange = [name for name in station.conditions if not re.fullmatch(r"[a-z][a-z0-9_]*", name) or name in TABLE]
-    if strange:
-        faults.append(
-            f"conditions names {', '.join(map(repr, strange))}, expected words such as table_friction that are no "
-            "columns of the attempts table already"
-        )
+        twice = [name for name, number in Counter(texts[kind]).items() if number > 1]
+        if twice:
+            faults.append(f"{kind} names {', '.join(map(str, sorted(twice)[:3]))} more than once")
     return faults
+
+
+def _is_plain(text: str) -> bool:
+    """Whether UTF-8 can write a text, and a terminal show it on one line."""
+    broken = any(one < " " or one == "\x7f" or "\ud800" <= one <= "\udfff" for one in text)
+    return not broken and len(text) <= _LONGEST_NAME
+
+
+def _condition_name_faults(conditions: tuple[str, ...]) -> list[str]:
+    strange = [name for name in conditions if not re.fullmatch(r"[a-z][a-z0-9_]*", name) or name in TABLE]
+    if not strange:
+        return []
+    return [
+        f"conditions names {', '.join(map(shown, strange[:3]))}, expected words such as table_friction that are no "
+        "columns of the attempts table already"
+    ]
 
 
 def _frame_faults(name: str, frame: RgbdFrame, intrinsics: Intrinsics) -> list[str]:
@@ -121,24 +197,27 @@ def _motion_faults(attempt: GraspAttempt) -> list[str]:
         value = getattr(attempt, name)
         if not math.isfinite(value) and (commanded or not math.isnan(value)):
             faults.append(f"{name} is {value}, expected finite (NaN only where the attempt ended before the pre-grasp)")
-    predicted = attempt.predicted_success
-    if not (math.isnan(predicted) or 0 <= predicted <= 1):
-        faults.append(f"predicted_success is {predicted}, expected 0 to 1, or NaN")
-    if not math.isfinite(attempt.contact_force_n):
-        faults.append(f"contact_force_n is {attempt.contact_force_n}, expected finite")
+        elif math.isfinite(value):
+            quantity = quantities.ANGLE if name.endswith("_rad") else quantities.POSITION
+            faults += _number_faults([(quantity, value, name)])
+    if not math.isnan(attempt.predicted_success):
+        faults += _number_faults([(quantities.PROBABILITY, attempt.predicted_success, "predicted_success")])
+    faults += _number_faults([(quantities.CONTACT_FORCE, attempt.contact_force_n, "contact_force_n")])
     pose = attempt.pose_base_tool_grasp
     faults += _pose_faults("pose_base_tool_grasp", pose, optional=not attempt.labelled)
     phase_faults = _array_faults("phase_s", attempt.phase_s, np.float32, (len(PHASES),))
-    if not phase_faults and np.any(np.isinf(attempt.phase_s) | (attempt.phase_s < 0)):
-        phase_faults.append(f"phase_s is {attempt.phase_s.tolist()}, expected 0 or more, or NaN for a phase not run")
+    if not phase_faults:
+        strange = [
+            (at, float(attempt.phase_s[at])) for at in np.flatnonzero(quantities.PHASE.impossible(attempt.phase_s))
+        ]
+        phase_faults += _number_faults([(quantities.PHASE, value, f"phase_s of {PHASES[at]}") for at, value in strange])
     return faults + phase_faults
 
 
 def _gripper_faults(gripper: GripperReadings) -> list[str]:
     readings = {name: getattr(gripper, name) for name in ("before_m", "closed_m", "lifted_m", "final_m")}
-    return [
-        f"gripper.{name} is {value}, expected finite or NaN" for name, value in readings.items() if math.isinf(value)
-    ]
+    known = {name: value for name, value in readings.items() if not math.isnan(value)}
+    return _number_faults([(quantities.JAW_OPENING, value, f"gripper.{name}") for name, value in known.items()])
 
 
 def _scene_faults(scene: SceneObjects | None, header: SessionHeader) -> list[str]:
@@ -151,6 +230,8 @@ def _scene_faults(scene: SceneObjects | None, header: SessionHeader) -> list[str
     poses = _array_faults("scene.pose_base_object", scene.pose_base_object, np.float64, (count, 7))
     if not poses and not np.all(np.isfinite(scene.pose_base_object)):
         poses.append("scene.pose_base_object is not finite everywhere")
+    elif not poses:
+        poses += _position_faults("scene.pose_base_object", scene.pose_base_object[:, :3])
     if count > header.objects_per_scene:
         faults.append(f"scene has {counted(count, 'object')}, expected at most {header.objects_per_scene}")
     faults += _condition_faults(scene.conditions, header.station.conditions)
@@ -212,10 +293,16 @@ def _pose_faults(name: str, pose: NDArray[Any], *, optional: bool = False) -> li
     rotation = pose[:3, :3]
     if not np.all(np.isfinite(pose)):
         return [f"{name} is not finite everywhere"]
-    rigid = np.allclose(rotation @ rotation.T, np.eye(3), rtol=0, atol=_ROTATION_TOLERANCE)
+    rigid = np.allclose(rotation @ rotation.T, np.eye(3), rtol=0, atol=quantities.ROTATION_ERROR.possible[1])
     if not (rigid and np.linalg.det(rotation) > 0 and np.array_equal(pose[3], (0, 0, 0, 1))):
         return [f"{name} is no rigid transform: expected an orthonormal rotation and a last row of 0 0 0 1"]
-    return []
+    return _position_faults(name, pose[:3, 3])
+
+
+def _position_faults(name: str, positions: NDArray[np.float64]) -> list[str]:
+    """The farthest coordinate, where it is impossible; the others are as wrong."""
+    farthest = max(positions.flat, key=abs, default=0.0)
+    return _number_faults([(quantities.POSITION, float(farthest), f"a coordinate of {name}")])
 
 
 def _array_faults(name: str, array: object, dtype: type[np.generic], shape: tuple[int, ...]) -> list[str]:

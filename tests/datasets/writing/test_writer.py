@@ -87,7 +87,7 @@ FAULTS: dict[str, tuple[GraspAttempt, str]] = {
         "scene has 4 objects, expected at most 3",
     ),
     "phases": (replace(HELD, phase_s=np.ones(6, np.float32)), r"phase_s has shape \(6,\), expected \(7,\)"),
-    "phase time": (replace(HELD, phase_s=np.full(7, -1, np.float32)), "phase_s is"),
+    "phase time": (replace(HELD, phase_s=np.full(7, -1, np.float32)), "phase_s of settle is -1.0 s"),
     "clock": (replace(HELD, started_ns=-1), "started_ns is -1"),
 }
 
