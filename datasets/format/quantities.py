@@ -165,7 +165,7 @@ CLOSED_WIDTH = Quantity(
     name="closed_width_m",
     unit="m",
     possible=(0, 1),
-    likely=(0, 0.02),
+    likely=(0, 0.015),
     source="2F-85: 2 to 3 counts of 0.38 mm above its closed position; pads swell by millimetres",
 )
 
@@ -223,6 +223,15 @@ ANGLE = Quantity(
     likely=(-math.pi, math.pi),
     source="a grasp and its half turn are the same; larger angles were never wrapped (GD-204)",
 )
+
+OVERHEAD_ANGLE = Quantity(
+    name="overhead_angle_rad",
+    unit="rad",
+    possible=(-4 * math.pi, 4 * math.pi),
+    likely=(-math.pi, math.pi),
+    source="two joints of a UR10 that turn the tool by up to 360 degrees each",
+)
+"""Of a table: a pose keeps no turns, so degrees would show nowhere once it is made."""
 
 TOOL_TILT = Quantity(
     name="tilt of the tool from straight down",
