@@ -14,6 +14,12 @@ GD-204   warning   a grasp angle is out of range
 GD-205   warning   impossible timing: clocks that run backwards or phases longer than the attempt
 GD-206   error     the recorded label contradicts the gripper's last reading
 GD-207   warning   labels disagree with the simulator's truth too often
+GD-208   error     a pose is out of the arm's reach
+GD-209   error     the jaws closed under the table, above the camera or in the air, or the camera is under the table
+GD-210   error     the grasp lies far outside the overhead picture: nothing of the input shows it
+GD-211   error     a number of a station or an attempt is impossible: wrong unit
+GD-212   warning   a number of a station or an attempt is unlikely
+GD-213   warning   the jaws closed elsewhere than commanded, or the tool does not point down
 GD-301   error     a picture is black or of one colour
 GD-302   error     a frame is frozen: the same picture as in the attempt before
 GD-303   warning   depth is missing in much of a picture

@@ -12,6 +12,7 @@ from handsight.datasets.format.arrays import array_at, read_all
 from handsight.datasets.format.schema import SESSIONS
 from handsight.datasets.format.sessions import SessionInfo
 from handsight.datasets.integrity.doctor.findings import Finding, attempt_finding
+from handsight.datasets.integrity.doctor.poses import grasp_pixels
 from handsight.datasets.reading.reader import GraspDataset
 from handsight.datasets.records import PHASES
 
@@ -90,13 +91,8 @@ def _crop_findings(dataset: GraspDataset, session: SessionInfo, rows: pd.DataFra
     array = array_at(root, f"{SESSIONS}/{session.ulid}/overhead/pose_base_tool")
     poses = read_all(array)[rows["number"].to_numpy()]  # (N, 4, 4)
     camera = session.header.station.camera
-    points = np.stack([rows["pregrasp_x_m"], rows["pregrasp_y_m"], np.zeros(len(rows))], axis=1)  # (N, 3), base
-    in_tool = np.einsum("nij,ni->nj", poses[:, :3, :3], points - poses[:, :3, 3])
-    in_camera = in_tool - (camera.x_tool_camera_m, camera.y_tool_camera_m, camera.z_tool_camera_m)
     lens = camera.intrinsics
-    depth = np.where(in_camera[:, 2] > 0, in_camera[:, 2], np.nan)
-    u = lens.fx * in_camera[:, 0] / depth + lens.cx
-    v = lens.fy * in_camera[:, 1] / depth + lens.cy
+    u, v = grasp_pixels(camera, poses, rows)
     inside = (u >= 0) & (u <= lens.width - 1) & (v >= 0) & (v <= lens.height - 1)
     yield from attempt_finding(
         "GD-203",

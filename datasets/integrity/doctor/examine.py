@@ -19,6 +19,8 @@ from handsight.datasets.integrity.doctor.pictures import (
     picture_facts,
     picture_findings,
 )
+from handsight.datasets.integrity.doctor.plausibility import plausibility_findings
+from handsight.datasets.integrity.doctor.poses import pose_findings
 from handsight.datasets.integrity.doctor.structure import structure_findings
 from handsight.datasets.integrity.repair import ResimulateAttempt
 from handsight.datasets.reading.reader import GraspDataset
@@ -72,6 +74,8 @@ def _shallow(dataset: GraspDataset) -> Iterator[Finding]:
     yield from structure_findings(dataset)
     yield from intrinsics_findings(dataset)
     yield from attempt_findings(dataset)
+    yield from plausibility_findings(dataset)
+    yield from pose_findings(dataset)
     yield from balance_findings(dataset)
     yield from fold_findings(dataset, _folds(dataset))
 

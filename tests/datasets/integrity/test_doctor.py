@@ -13,6 +13,7 @@ import pytest
 import zarr
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 from tests.support.factories import make_attempt, make_header, record
 from tests.support.versions import opened
 
@@ -21,8 +22,10 @@ from handsight.datasets import (
     Diagnosis,
     GraspAttempt,
     GraspRepository,
+    GripperReadings,
     Outcome,
     RgbdFrame,
+    SceneObjects,
     Selection,
     SessionHeader,
     SessionWriter,
@@ -34,6 +37,7 @@ from handsight.datasets.format.arrays import array_at
 from handsight.datasets.integrity import doctor as package
 from handsight.datasets.integrity.doctor.near_duplicates import NEAR_BITS, near_pairs, picture_hash
 from handsight.servoing.camera import HandCamera, Intrinsics
+from handsight.servoing.planar import PlanarPose
 
 CAMERA = HandCamera(
     intrinsics=Intrinsics.from_vertical_fov(width=64, height=48, fov_y_rad=0.73),
@@ -58,15 +62,26 @@ def sound_snapshot(seed: int) -> RgbdFrame:
 def sound_attempt(header: SessionHeader, number: int) -> GraspAttempt:
     held = number % 2 == 0
     attempt = make_attempt(header, number, outcome=Outcome.HELD if held else Outcome.EMPTY)
+    goal = PlanarPose(x_m=0.6 + 0.01 * number, y_m=0.07, angle_rad=0.1 * number)
     return replace(
         attempt,
         overhead=sound_snapshot(2 * number),
         pregrasp=sound_snapshot(2 * number + 1),
-        pregrasp_x_m=0.6 + 0.01 * number,
-        pregrasp_y_m=0.07,
-        pregrasp_angle_rad=0.1 * number,
+        pregrasp_x_m=goal.x_m,
+        pregrasp_y_m=goal.y_m,
+        pregrasp_angle_rad=goal.angle_rad,
+        pose_base_tool_grasp=goal.pose_base_tool(0.02),
+        scene=sound_scene(attempt.scene),
         truth_held=held,
     )
+
+
+def sound_scene(scene: SceneObjects | None) -> SceneObjects | None:
+    """The same objects, upright on the table."""
+    if scene is None:
+        return None
+    poses = np.tile([0.6, 0.0, 0.03, 0.0, 0.0, 0.0, 1.0], (len(scene.catalogue_index), 1))
+    return replace(scene, pose_base_object=poses)
 
 
 def attempts(**changes: Any) -> list[GraspAttempt]:
@@ -125,8 +140,40 @@ def noisy(frame: RgbdFrame) -> RgbdFrame:
     return replace(frame, rgb=np.clip(frame.rgb.astype(int) + noise, 0, 255).astype(np.uint8))
 
 
+def closed_at(x_m: float, y_m: float, z_m: float, *, angle_rad: float = 0.0) -> dict[str, Any]:
+    """A grasp commanded there and performed."""
+    goal = PlanarPose(x_m=x_m, y_m=y_m, angle_rad=angle_rad)
+    commanded = {"pregrasp_x_m": x_m, "pregrasp_y_m": y_m, "pregrasp_angle_rad": angle_rad}
+    return {**commanded, "pose_base_tool_grasp": goal.pose_base_tool(z_m)}
+
+
+def tilted(degrees: float) -> dict[str, Any]:
+    """A tool that points that far from straight down, at the grasp of the third attempt."""
+    pose = np.eye(4)
+    pose[:3, :3] = Rotation.from_euler("x", 180 - degrees, degrees=True).as_matrix()
+    pose[:3, 3] = (0.62, 0.07, 0.02)
+    return {"pose_base_tool_grasp": pose}
+
+
+def in_the_air() -> RgbdFrame:
+    """A picture that the camera took from under the table."""
+    frame = sound_snapshot(4)
+    pose = frame.pose_base_tool.copy()
+    pose[2, 3] = -0.6
+    return replace(frame, pose_base_tool=pose)
+
+
+def lone_object(*pose: float) -> SceneObjects:
+    return SceneObjects(
+        catalogue_index=np.array([0], np.int16),
+        pose_base_object=np.array([pose], np.float64),
+        target=0,
+        conditions=np.zeros(2),
+    )
+
+
 FOUND_IN_ATTEMPTS: dict[str, tuple[str, list[GraspAttempt], list[int]]] = {
-    "outside the picture": ("GD-203", attempts(pregrasp_x_m=2.0), [2]),
+    "outside the picture": ("GD-203", attempts(**closed_at(1.0, 0.07, 0.02)), [2]),
     "degrees": ("GD-204", attempts(pregrasp_angle_rad=90.0), [2]),
     "truth": ("GD-207", attempts(truth_held=False), [2]),
     "black": ("GD-301", attempts(overhead=black(sound_snapshot(4))), [2]),
@@ -136,6 +183,91 @@ FOUND_IN_ATTEMPTS: dict[str, tuple[str, list[GraspAttempt], list[int]]] = {
     "twice": ("GD-306", attempts(at=4, overhead=sound_snapshot(0)), [0, 4]),
     "alike": ("GD-307", attempts(at=4, overhead=noisy(sound_snapshot(0))), [0, 4]),
 }
+
+
+IMPLAUSIBLE: dict[str, tuple[str, set[str], str, list[GraspAttempt]]] = {
+    "millimetres": (
+        "GD-208",
+        {"GD-203", "GD-210"},
+        "distance from the base is 623.9391 m, expected 0 to 1.6 m: millimetres?",
+        attempts(**closed_at(620.0, 70.0, 0.02)),
+    ),
+    "beyond the arm": ("GD-208", {"GD-203", "GD-210"}, "2.001", attempts(**closed_at(2.0, 0.07, 0.02))),
+    "height in millimetres": (
+        "GD-209",
+        {"GD-208"},
+        "height of the grasp is 30.0 m",
+        attempts(**closed_at(0.62, 0.07, 30.0)),
+    ),
+    "under the table": ("GD-209", set(), "-0.03 m, expected -0.02 to 5 m", attempts(**closed_at(0.62, 0.07, -0.03))),
+    "above the camera": ("GD-209", set(), "closed above the camera", attempts(**closed_at(0.62, 0.07, 0.61))),
+    "camera under the table": ("GD-209", {"GD-203", "GD-210", "GD-304"}, "-0.5 m", attempts(overhead=in_the_air())),
+    "far outside the picture": (
+        "GD-210",
+        {"GD-203"},
+        "pictures, expected 0 to 1",
+        attempts(**closed_at(-0.7, 0.07, 0.02)),
+    ),
+    "force": ("GD-212", set(), "contact_force_n is 9000.0 N, expected -100 to 2000 N", attempts(contact_force_n=9e3)),
+    "phase in milliseconds": (
+        "GD-212",
+        set(),
+        "descend_s is 3500.0 s, expected 0 to 600 s: milliseconds?",
+        attempts(phase_s=np.array([1, 1, 1, 3500, 1, 1, 1], np.float32)),
+    ),
+    "clock in seconds": ("GD-212", set(), "ns: seconds?", attempts(started_ns=1_700_000_000)),
+    "total in milliseconds": ("GD-212", set(), "elapsed_ns is 45000", attempts(elapsed_ns=45_000)),
+    "object far away": ("GD-212", set(), "distance of an object", attempts(scene=lone_object(600, 0, 0, 0, 0, 0, 1))),
+    "no rotation": ("GD-212", set(), "quaternion is 2.0", attempts(scene=lone_object(0.6, 0, 0, 0, 0, 0, 2))),
+    "closed elsewhere": (
+        "GD-213",
+        set(),
+        "is 0.1 m, expected 0 to 0.05 m",
+        attempts(pose_base_tool_grasp=PlanarPose(x_m=0.72, y_m=0.07, angle_rad=0).pose_base_tool(0.02)),
+    ),
+    "tilted": ("GD-213", set(), "with a tilted tool", attempts(**tilted(45))),
+}
+"""By name: a code, codes that come with it, words of the message, and attempts of which the third is meant."""
+
+
+@pytest.mark.parametrize("case", IMPLAUSIBLE)
+def test_what_no_arm_over_a_table_does_is_found(repository: GraspRepository, case: str) -> None:
+    code, others, message, recorded = IMPLAUSIBLE[case]
+    record(repository, HEADER, recorded)
+    dataset = opened(repository)
+    findings = doctor(dataset, deep=True).findings
+    assert {finding.code for finding in findings} == {code, *others}
+    meant = [finding for finding in findings if finding.code == code]
+    assert all(finding.attempts == (dataset.attempts.index[2],) for finding in meant)
+    assert any(message in finding.message for finding in meant), [finding.message for finding in meant]
+
+
+def test_an_attempt_that_could_not_be_reached_is_no_error(repository: GraspRepository) -> None:
+    """What was commanded may be anywhere; what was reached may not."""
+    failed = {"outcome": Outcome.UNREACHABLE, "failure": "reach: too far", "pregrasp": None, "truth_held": None}
+    grasp = {"pose_base_tool_grasp": np.full((4, 4), np.nan)}
+    record(repository, HEADER, attempts(pregrasp_x_m=2.0, **failed, **grasp))
+    assert doctor(opened(repository), deep=True).ok
+
+
+@pytest.mark.parametrize(
+    ("station", "code", "message"),
+    [
+        ({"gripper_stroke_m": 0.8, "closed_width_m": 0.0015}, "GD-212", "gripper_stroke_m is 0.8 m, expected 0.01 to"),
+        ({"depth_scale_m": 0.01}, "GD-212", "depth_scale_m is 0.01 m per unit"),
+        ({"pregrasp_height_m": 3.0}, "GD-212", "pregrasp_height_m is 3.0 m"),
+        ({"camera": replace(CAMERA, z_tool_camera_m=-1.0)}, "GD-212", "z_tool_camera_m is -1.0 m, expected -0.5 to"),
+    ],
+)
+def test_an_unlikely_station_is_a_warning(
+    repository: GraspRepository, station: dict[str, Any], code: str, message: str
+) -> None:
+    header = make_header(**{"camera": CAMERA, **station})
+    widths = GripperReadings(before_m=0.085, closed_m=0.03, lifted_m=0.03, final_m=0.03)
+    record(repository, header, [replace(sound_attempt(header, 0), gripper=widths)])
+    found = {finding.code: finding for finding in doctor(opened(repository)).findings}
+    assert set(found) == {code}
+    assert (found[code].severity, message in found[code].message) == ("warning", True)
 
 
 @pytest.mark.parametrize("case", FOUND_IN_ATTEMPTS)
@@ -189,6 +321,7 @@ FOUND_AFTER_TAMPERING: dict[str, tuple[Callable[[zarr.Group, str], None], bool]]
     "GD-202": (set_value("attempts/gripper_width_m", 0.85), False),
     "GD-205": (set_value("attempts/phase_s", -1.0), False),
     "GD-206": (flip_label, False),
+    "GD-211": (set_value("attempts/contact_force_n", 1e9), False),
 }
 
 
@@ -231,9 +364,9 @@ def test_intrinsics_of_another_mode_are_found(repository: GraspRepository) -> No
 
 def test_clocks_of_a_rig_that_run_backwards_are_found(repository: GraspRepository) -> None:
     rig = make_header(seed=None, source="ur10", camera=CAMERA)
-    second = 10**9
+    second, noon_ns = 10**9, 1_700_000_000_000_000_000
     timed = [
-        replace(one, started_ns=(100 - one.number if one.number == 3 else 100 + 60 * one.number) * second, elapsed_ns=0)
+        replace(one, started_ns=(100 - one.number if one.number == 3 else 100 + 60 * one.number) * second + noon_ns)
         for one in attempts()
     ]
     timed = [replace(one, elapsed_ns=40 * second) for one in timed]
@@ -296,6 +429,7 @@ def test_attempts_that_end_otherwise_when_repeated_are_named(repository: GraspRe
 def test_every_code_is_in_the_list_and_has_one_severity() -> None:
     listed = dict(re.findall(r"^(GD-\d+)\s+(\w+)", package.__doc__ or "", re.MULTILINE))
     tested = {*FOUND_AFTER_TAMPERING, *(code for code, _, _ in FOUND_IN_ATTEMPTS.values())}
+    tested |= {code for code, _, _, _ in IMPLAUSIBLE.values()}
     tested |= {
         "GD-101",
         "GD-105",
