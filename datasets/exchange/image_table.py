@@ -194,7 +194,7 @@ class _Cells:
         except ValueError:
             value = math.nan
         if not math.isfinite(value):
-            self.faults.append(f"{name} is {shown(text)}, expected a finite number with a point for its fraction")
+            self.faults.append(f"{name} is {shown(text)}, expected a number, with a point for its fraction")
             return math.nan
         fault = quantity.fault(value, name)
         self.faults += [fault] if fault else []

@@ -38,7 +38,7 @@ def read_colours(folder: Path, name: str, size: tuple[int, int]) -> NDArray[np.u
     """
     colours = _picture(folder, name, size)
     if colours.dtype != np.uint8 or colours.shape != (*size, 3):
-        raise InterchangeError(f"picture {name!r} is {_kind(colours)}, expected three colours of 8 bits")
+        raise InterchangeError(f"picture {name!r} is {_kind(colours)}, expected three 8-bit colours")
     return np.asarray(cv2.cvtColor(colours, cv2.COLOR_BGR2RGB), np.uint8)
 
 
@@ -47,7 +47,7 @@ def read_depth(folder: Path, name: str, size: tuple[int, int]) -> NDArray[np.uin
     depth = _picture(folder, name, size)
     if depth.dtype != np.uint16 or depth.shape != size:
         raise InterchangeError(
-            f"picture {name!r} is {_kind(depth)}, expected one channel of 16 bits, in units of depth_scale_m"
+            f"picture {name!r} is {_kind(depth)}, expected one 16-bit channel, in units of depth_scale_m"
         )
     return np.asarray(depth, np.uint16)
 
@@ -111,6 +111,5 @@ def _check_claims(data: bytes, name: str, size: tuple[int, int]) -> None:
 
 
 def _kind(picture: NDArray[Any]) -> str:
-    channels = picture.shape[2] if picture.ndim == 3 else 1
-    alpha = ", one of them transparency" if channels in (2, 4) else ""
-    return f"{channels} channel{'s' * (channels > 1)} of {picture.dtype}{alpha}"
+    transparent = picture.ndim == 3 and picture.shape[2] in (2, 4)
+    return f"{picture.dtype} {picture.shape}{', with transparency' * transparent}"

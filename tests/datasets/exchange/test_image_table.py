@@ -158,7 +158,7 @@ BAD: dict[str, tuple[Callable[[Path, Lines], object], str]] = {
     "colours for depth": (edited(0, overhead_depth="frames/overhead_rgb_0.png"), "expected one 16-bit channel"),
     "half a pregrasp": (edited(0, pregrasp_rgb=""), "line 2: pregrasp_rgb and pregrasp_depth belong together"),
     "no number": (edited(0, grasp_z_m="high"), "line 2: grasp_z_m is 'high', expected a number"),
-    "no width": (edited(0, width_final_m="nan"), "line 2: .*gripper.final_m is NaN"),
+    "no width": (edited(0, width_final_m="nan"), "line 2: width_final_m is 'nan', expected a number"),
     "no whole number": (edited(0, started_ns="1.5"), "line 2: started_ns is '1.5'"),
     "target": (edited(0, target="duk"), "line 2: target 'duk' is not among"),
     "missing column": (without_column, "columns are missing: grasp_z_m"),
