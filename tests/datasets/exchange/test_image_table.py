@@ -6,6 +6,7 @@ import csv
 import errno
 import io
 import json
+import shutil
 import tempfile
 from collections import Counter
 from collections.abc import Callable
@@ -16,10 +17,20 @@ import cv2
 import numpy as np
 import pytest
 from tests.support.factories import make_station
+from tests.support.mutations import mutate_image_table
 from typer.testing import CliRunner
 
 from handsight.cli.dataset.app import dataset_app
-from handsight.datasets import GraspDataset, InterchangeError, Outcome, StorageError, export_dataset, import_dataset
+from handsight.datasets import (
+    DatasetError,
+    GraspDataset,
+    InterchangeError,
+    Outcome,
+    StorageError,
+    doctor,
+    export_dataset,
+    import_dataset,
+)
 from handsight.datasets.format.digest import attempt_digest
 from handsight.datasets.format.header import station_to_json
 from handsight.servoing.planar import PlanarPose
@@ -139,6 +150,36 @@ def edited(at: int, **cells: Any) -> Callable[[Path, Lines], None]:
     return edit
 
 
+def station_with(**changes: Any) -> Callable[[Path, Lines], None]:
+    """Changes to ``station.json``; ``intrinsics`` are changes to the camera's own."""
+
+    def edit(folder: Path, lines: Lines) -> None:
+        path = folder / "station.json"
+        station = json.loads(path.read_text())
+        station["camera"]["intrinsics"] |= changes.pop("intrinsics", {})
+        station["camera"] |= changes.pop("camera", {})
+        path.write_text(json.dumps({**station, **changes}))
+
+    return edit
+
+
+def station_of(text: str) -> Callable[[Path, Lines], object]:
+    return lambda folder, lines: (folder / "station.json").write_text(text)
+
+
+def twice(folder: Path, lines: Lines) -> None:
+    text = (folder / "attempts.csv").read_text().splitlines()
+    (folder / "attempts.csv").write_text(
+        "\n".join(f"{one},{'grasp_z_m' if not at else 0.5}" for at, one in enumerate(text))
+    )
+
+
+def with_blank_lines(folder: Path, lines: Lines) -> None:
+    edited(2, grasp_z_m="x")(folder, lines)
+    head, first, *rest = (folder / "attempts.csv").read_text().splitlines()
+    (folder / "attempts.csv").write_text("\n".join([head, "", first, "", "", *rest]))
+
+
 def link_out(folder: Path, lines: Lines) -> None:
     (folder / "frames" / "link.png").symlink_to("/etc/hostname")
     edited(0, overhead_rgb="frames/link.png")(folder, lines)
@@ -165,6 +206,51 @@ BAD: dict[str, tuple[Callable[[Path, Lines], object], str]] = {
     "unknown column": (lambda folder, lines: write_table(folder, [{**one, "sucess": 1} for one in lines]), "sucess"),
     "no lines": (lambda folder, lines: (folder / "attempts.csv").write_text("a\n"), "there are no attempts"),
     "no station": (lambda folder, lines: (folder / "station.json").unlink(), "is no station spec"),
+    "column twice": (twice, "columns stand more than once: 'grasp_z_m'"),
+    "blank lines": (with_blank_lines, "line 7: grasp_z_m is 'x'"),
+    "semicolons": (
+        lambda folder, lines: (folder / "attempts.csv").write_text("overhead_rgb;overhead_depth\na;b\n"),
+        "its separator is ';'",
+    ),
+    "stroke in mm": (
+        station_with(gripper_stroke_m=85, closed_width_m=2),
+        r"gripper_stroke_m is 85 m, expected 0.001 to 1 m: millimetres\?; closed_width_m is 2 m, .* millimetres\?",
+    ),
+    "stroke in cm": (station_with(gripper_stroke_m=8.5), r"gripper_stroke_m is 8.5 m, .*: centimetres\?"),
+    "heights in mm": (station_with(pregrasp_height_m=400.0), r"pregrasp_height_m is 400.0 m, .*: millimetres\?"),
+    "mount in mm": (
+        station_with(camera={"y_tool_camera_m": -55.0}),
+        r"camera.y_tool_camera_m is -55.0 m, expected -5 to 5 m: millimetres\?",
+    ),
+    "focal length in mm": (
+        station_with(intrinsics={"fx": 0.0019}),
+        r"camera.intrinsics.fx is 0.0019 px for 8 px, a field of view of 3.14\d? rad, .*: focal lengths are in pixels",
+    ),
+    "depth in mm": (station_with(depth_scale_m=1), r"depth_scale_m is 1 m per unit, .*: millimetres per unit\?"),
+    "depth upside down": (station_with(depth_scale_m=1000.0), r"depth_scale_m is 1000.0 .*: units per metre\?"),
+    "text for a number": (station_with(depth_scale_m="0.001"), "depth_scale_m is '0.001', expected a number"),
+    "null for text": (station_with(source=None), "source is null, expected text"),
+    "a number for a name": (station_with(objects=["cup", 3]), r"objects\[1\] is 3, expected text"),
+    "a fraction of a pixel": (station_with(intrinsics={"width": 8.0}), "width is 8.0, expected a whole number"),
+    "truth for a number": (station_with(closed_width_m=True), "closed_width_m is true, expected a number"),
+    "unknown field": (station_with(stroke_m=0.1), "fields 'stroke_m' are unknown, expected source, camera"),
+    "huge pictures": (station_with(intrinsics={"width": 10**6}), "width is 1000000 px, expected 1 to 8192 px"),
+    "all at once": (
+        station_with(source=None, serials={"camera": 7}, depth_scale_m="a", camera={"x_tool_camera_m": []}),
+        r"source is null.*camera.x_tool_camera_m is a list of 0.*depth_scale_m is 'a'.*serials.'camera' is 7",
+    ),
+    "a field twice": (station_of('{"source": "lab", "source": "lab"}'), "'source' is given more than once"),
+    "nested": (station_of("[" * 100_000), "is no station spec"),
+    "many digits": (station_of('{"source": ' + "9" * 5000 + "}"), "is no station spec"),
+    "width in mm": (
+        edited(1, width_final_m="31"),
+        r"line 3: width_final_m is 31.0 m, .*: millimetres or centimetres\?",
+    ),
+    "wider than the stroke": (edited(1, width_final_m="0.31"), "width_final_m is 0.31 m, expected 0 to 0.085 m"),
+    "angle in degrees": (edited(0, overhead_angle_rad="90"), r"line 2: overhead_angle_rad is 90.0 rad, .*: degrees\?"),
+    "clock in seconds": (edited(0, started_ns="1700000000"), r"line 2: started_ns is 1700000000 ns, .*: seconds\?"),
+    "decimal comma": (edited(0, grasp_z_m="0,03"), "line 2: grasp_z_m is '0,03', expected a number, with a point"),
+    "infinite": (edited(0, grasp_z_m="inf"), "line 2: grasp_z_m is 'inf', expected a number"),
     "bad station": (lambda folder, lines: (folder / "station.json").write_text("[]"), "is no station spec"),
 }
 
@@ -183,3 +269,48 @@ def test_all_faults_are_said_at_once(lines: Lines, tmp_path: Path) -> None:
     edited(2, target="duk")(tmp_path / "photos", lines)
     with pytest.raises(InterchangeError, match=r"line 2: .*; line 4: "):
         import_dataset(tmp_path / "photos", tmp_path / "grasps")
+
+
+def test_every_cell_of_a_line_is_looked_at(lines: Lines, tmp_path: Path) -> None:
+    edited(0, grasp_z_m="high", target="duk", overhead_rgb="no.png")(tmp_path / "photos", lines)
+    with pytest.raises(InterchangeError, match=r"line 2: grasp_z_m .*; line 2: picture 'no.png' .*; line 2: target"):
+        import_dataset(tmp_path / "photos", tmp_path / "grasps")
+
+
+def test_of_many_faults_the_first_are_shown_and_the_others_counted(lines: Lines, tmp_path: Path) -> None:
+    write_table(tmp_path / "photos", [{**lines[0], "grasp_z_m": "high"} for _ in range(25)])
+    with pytest.raises(InterchangeError, match=r"line 11: grasp_z_m .*; and 15 more faults$"):
+        import_dataset(tmp_path / "photos", tmp_path / "grasps")
+
+
+def test_a_station_and_a_table_that_are_both_bad_are_said_together(lines: Lines, tmp_path: Path) -> None:
+    station_with(source=3)(tmp_path / "photos", lines)
+    without_column(tmp_path / "photos", lines)
+    with pytest.raises(InterchangeError, match=r"source is 3, expected text; .*columns are missing: grasp_z_m"):
+        import_dataset(tmp_path / "photos", tmp_path / "grasps")
+
+
+def test_poses_far_away_are_imported_for_the_doctor_to_judge(lines: Lines, tmp_path: Path) -> None:
+    edited(0, pregrasp_x_m="500", grasp_z_m="30")(tmp_path / "photos", lines)
+    import_dataset(tmp_path / "photos", tmp_path / "grasps")
+    findings = doctor(GraspDataset.open(f"{tmp_path}/grasps")).findings
+    assert {"GD-208", "GD-209"} <= {finding.code for finding in findings if finding.severity == "error"}
+
+
+def test_mutated_folders_are_imported_or_refused(lines: Lines, tmp_path: Path) -> None:
+    """Whatever becomes of the files: all attempts, or an error of the datasets room on one line."""
+    refusals = []
+    for seed in range(200):
+        folder = tmp_path / "mutated"
+        shutil.copytree(tmp_path / "photos", folder)
+        done = mutate_image_table(folder, np.random.default_rng(seed))
+        try:
+            import_dataset(folder, tmp_path / "grasps", dry_run=True)
+        except DatasetError as error:
+            refusals.append(str(error))
+        except Exception as error:
+            raise AssertionError(f"mutation {seed}: {done}") from error
+        shutil.rmtree(folder)
+    assert len(refusals) > 100
+    assert [one for one in refusals if len(one) > 5000 or not one.isprintable()] == []
+    assert [path.name for path in tmp_path.iterdir()] == ["photos"]
