@@ -9,7 +9,7 @@ import typer
 from handsight.cli.opening import open_repository, open_version
 from handsight.cli.options import Dataset, DatasetBranch, DatasetPath, DryRun, Json, Message, NewBranch
 from handsight.cli.output import console, print_json, print_table
-from handsight.datasets.errors import RefNotFoundError, counted
+from handsight.datasets.errors import CorruptDataError, RefNotFoundError, counted
 
 if TYPE_CHECKING:
     # These take a second to import; a command does so once its dataset is known to be there.
@@ -98,12 +98,20 @@ def revert_command(
     from handsight.datasets.reading.reader import GraspDataset
     from handsight.datasets.writing.revert import revert
 
-    found = diff_versions(GraspDataset(repository, ref=branch_name), GraspDataset(repository, ref=ref))
+    wanted = GraspDataset(repository, ref=ref)
+    try:
+        found = diff_versions(GraspDataset(repository, ref=branch_name), wanted)
+    except CorruptDataError as error:
+        # A branch that cannot be read is one to revert; what the other has that it has not stays unsaid.
+        found, unreadable = None, error
     snapshot = None if dry_run else revert(repository, ref, branch=branch_name, message=message)
     if as_json:
         print_json({"snapshot": snapshot, "diff": found})
         return
-    _print_diff(found)
+    if found is None:
+        console.print(f"what changes is not known: {unreadable}")
+    else:
+        _print_diff(found)
     if dry_run:
         console.print("nothing was changed")
     elif snapshot is None:

@@ -32,7 +32,24 @@ class Changed(Generic[T]):
     """What the change returned beside the message, when it was made for the last time."""
 
 
+RootChange = Callable[[str, zarr.Group], tuple[str | None, T]]
+"""As :data:`Change`, given the id of the snapshot at the tip instead of the version: for one that may be unreadable."""
+
+
 def change_branch(repository: GraspRepository, branch: str, change: Change[T]) -> Changed[T]:
+    """Commit a change to the tip of a branch, which can be read; see :func:`change_root`.
+
+    Raises:
+        CorruptDataError: What describes a session of the tip is damaged.
+    """
+
+    def with_version(snapshot_id: str, root: zarr.Group) -> tuple[str | None, T]:
+        return change(GraspDataset(repository, ref=snapshot_id), root)
+
+    return change_root(repository, branch, with_version)
+
+
+def change_root(repository: GraspRepository, branch: str, change: RootChange[T]) -> Changed[T]:
     """Commit a change to the tip of a branch.
 
     ``change`` runs while no other process of this machine can commit. Where a lock cannot reach, on an object store,
@@ -47,9 +64,8 @@ def change_branch(repository: GraspRepository, branch: str, change: Change[T]) -
         tries_left = _TRIES
         while True:
             transaction = repository.writable(branch)
-            dataset = GraspDataset(repository, ref=transaction.snapshot_id)
             with icechunk_errors(f"cannot write to {repository.path}"):
-                message, value = change(dataset, zarr.open_group(transaction.store, mode="r+"))
+                message, value = change(transaction.snapshot_id, zarr.open_group(transaction.store, mode="r+"))
             if message is None:
                 return Changed(snapshot=None, value=value)
             try:

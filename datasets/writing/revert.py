@@ -18,16 +18,17 @@ from handsight.datasets.address import DEFAULT_REF
 from handsight.datasets.format.arrays import array_at, copy_group, group_at, read_all, read_rows
 from handsight.datasets.format.frames import BATCH_FRAMES, frame_paths
 from handsight.datasets.format.schema import SESSIONS
-from handsight.datasets.reading.reader import GraspDataset
+from handsight.datasets.store.layout import check_current
 from handsight.datasets.store.repository import GraspRepository
 from handsight.datasets.writing.batches import chunk_start, column_paths, rechunk_columns
-from handsight.datasets.writing.change import change_branch
+from handsight.datasets.writing.change import change_root
 
 
 def revert(repository: GraspRepository, ref: str, *, branch: str = DEFAULT_REF, message: str = "") -> str | None:
     """Make the content of a branch that of another version, in one commit, and return its snapshot id.
 
-    Returns None when the branch has that content already.
+    Returns None when the branch has that content already. Nothing of the branch has to be readable but its arrays:
+    this is the way out for one whose sessions cannot be opened any more.
 
     Raises:
         RefNotFoundError: There is no such ref or branch.
@@ -36,14 +37,15 @@ def revert(repository: GraspRepository, ref: str, *, branch: str = DEFAULT_REF, 
     wanted_id = repository.resolve(ref)
     wanted = repository.root(wanted_id)
 
-    def change(dataset: GraspDataset, root: zarr.Group) -> tuple[str | None, None]:
+    def change(snapshot_id: str, root: zarr.Group) -> tuple[str | None, None]:
+        check_current(repository.path, branch, root)
         changed = _match_attributes(root, wanted)
         changed |= _match_sessions(group_at(root, SESSIONS), group_at(wanted, SESSIONS))
         for name in sorted({*root.group_keys(), *wanted.group_keys()} - {SESSIONS}):
             changed |= _match_group(root, wanted, name)
         return ((message or f"revert to {ref} ({wanted_id})") if changed else None), None
 
-    return change_branch(repository, branch, change).snapshot
+    return change_root(repository, branch, change).snapshot
 
 
 def _match_attributes(group: zarr.Group, wanted: zarr.Group) -> bool:

@@ -7,9 +7,12 @@ from pathlib import Path
 import pytest
 import zarr
 from tests.support.factories import difference, make_attempt, make_header, record
+from tests.support.refusals import check_refused
 from tests.support.versions import HEADER, grow, opened
 
+from handsight.cli.app import run
 from handsight.datasets import (
+    CorruptDataError,
     Curator,
     GraspDataset,
     GraspRepository,
@@ -37,6 +40,36 @@ def assert_same_version(left: GraspDataset, right: GraspDataset) -> None:
     assert metadata[0] == metadata[1]
     assert read_filters(roots[0]) == read_filters(roots[1])
     assert diff_versions(left, right).empty
+
+
+def poison(repository: GraspRepository) -> str:
+    """Give the station a name of null, past all checks; returns the snapshot from before."""
+    before = repository.resolve("main")
+    transaction = repository.writable("main")
+    root = zarr.open_group(transaction.store, mode="r+")
+    session = next(group for _, group in root["sessions"].groups())  # type: ignore[union-attr]
+    header = session.attrs.asdict()["header"]
+    header["station"]["objects"][3] = None
+    session.update_attributes({"header": header})
+    repository.commit(transaction, branch="main", message="poison")
+    return before
+
+
+def test_a_branch_whose_sessions_cannot_be_read_can_be_reverted(
+    repository: GraspRepository, capsys: pytest.CaptureFixture[str]
+) -> None:
+    grow(repository, 3)
+    before = poison(repository)
+    with pytest.raises(
+        CorruptDataError, match=r"session 01\w+ cannot be read: header.station.objects\[3\] is null, exp"
+    ):
+        opened(repository)
+    for words in ("info", "ls", "doctor", "verify", "stats", "exclude 1 -m x"):
+        verb, *rest = words.split()
+        check_refused(capsys, ["dataset", verb, str(repository.path), *rest], "objects[3] is null, expected text")
+    assert run(["dataset", "revert", str(repository.path), before]) == 0
+    assert "what changes is not known: session" in capsys.readouterr().out
+    assert_same_version(opened(repository), opened(repository, before))
 
 
 def test_revert_brings_everything_back_and_loses_no_history(repository: GraspRepository) -> None:
