@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from handsight.datasets.errors import CorruptDataError
+from handsight.datasets.format.quantities import DEPTH
 from handsight.datasets.format.schema import VIEWPOINTS
 from handsight.datasets.integrity.doctor.findings import Finding, Severity, attempt_finding, dataset_finding
 from handsight.datasets.integrity.doctor.near_duplicates import picture_hash
@@ -28,7 +29,7 @@ _DEPTH_RATIO = (0.4, 1.5)
 _STEP = 4
 """Every so many pixels of a row and of a column are looked at."""
 
-_COLUMNS = ["attempt", "session", "viewpoint", "digest", "deviation", "holes", "depth_ratio"]
+_COLUMNS = ["attempt", "session", "viewpoint", "digest", "deviation", "holes", "depth_m", "depth_ratio"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,7 +38,7 @@ class PictureFacts:
 
     table: pd.DataFrame
     """One row for each picture: attempt, session, viewpoint, digest of its colours, deviation of its grey levels, share
-    of holes, median depth against the camera's height."""
+    of holes, median depth, and that against the camera's height."""
     hashes: dict[str, int]
     """Perceptual hash of each overhead picture by attempt."""
 
@@ -89,6 +90,12 @@ def picture_findings(facts: PictureFacts) -> Iterator[Finding]:
         off,
         f"{{attempts}} with depth at {ratio:.3g} times the camera's height: check depth_scale_m and the mount",
     )
+    odd = table[
+        ~holes & table["depth_ratio"].between(low, high) & DEPTH.unlikely(table["depth_m"].to_numpy(np.float64))
+    ]
+    if len(odd):
+        said = DEPTH.complaint(round(float(odd["depth_m"].iloc[0]), 4), DEPTH.likely)
+        yield from _about("GD-212", "warning", odd, f"{{attempts}}, most of a picture: {said}")
 
 
 def intrinsics_findings(dataset: GraspDataset) -> Iterator[Finding]:
@@ -120,6 +127,7 @@ def _facts(dataset: GraspDataset, attempt: str, frame: RgbdFrame) -> dict[str, o
         "digest": hashlib.sha256(np.ascontiguousarray(frame.rgb).data).digest(),
         "deviation": float(frame.rgb[::_STEP, ::_STEP].mean(axis=2).std()),
         "holes": 1 - len(valid) / depth.size,
+        "depth_m": median_m,
         "depth_ratio": median_m / height_m if height_m > 0 else float("nan"),
     }
 

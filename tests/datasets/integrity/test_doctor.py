@@ -163,6 +163,14 @@ def in_the_air() -> RgbdFrame:
     return replace(frame, pose_base_tool=pose)
 
 
+def far_away() -> RgbdFrame:
+    """A picture from 13 m above the table."""
+    frame = sound_snapshot(4)
+    pose = frame.pose_base_tool.copy()
+    pose[2, 3] = 12.9
+    return replace(frame, pose_base_tool=pose, depth=np.full_like(frame.depth, 13_000))
+
+
 def lone_object(*pose: float) -> SceneObjects:
     return SceneObjects(
         catalogue_index=np.array([0], np.int16),
@@ -218,6 +226,12 @@ IMPLAUSIBLE: dict[str, tuple[str, set[str], str, list[GraspAttempt]]] = {
     "clock in seconds": ("GD-212", set(), "ns: seconds?", attempts(started_ns=1_700_000_000)),
     "total in milliseconds": ("GD-212", set(), "elapsed_ns is 45000", attempts(elapsed_ns=45_000)),
     "object far away": ("GD-212", set(), "distance of an object", attempts(scene=lone_object(600, 0, 0, 0, 0, 0, 1))),
+    "a camera far away": (
+        "GD-212",
+        {"GD-208", "GD-209"},
+        "most of a picture: depth is 13.0 m, expected 0.1 to 10 m",
+        attempts(overhead=far_away()),
+    ),
     "no rotation": ("GD-212", set(), "quaternion is 2.0", attempts(scene=lone_object(0.6, 0, 0, 0, 0, 0, 2))),
     "closed elsewhere": (
         "GD-213",
