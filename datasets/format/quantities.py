@@ -71,13 +71,13 @@ class Quantity:
         return f"{name or self.name} is {value}{unit}, expected {low} to {high}{unit}{question}"
 
     def mistaken_unit(self, value: float) -> str:
-        """Units in which the value would be a likely one or, where there are none, a possible one; empty for none."""
+        """Units in which the value would be a likely one or, of an impossible value, a possible one; empty for none."""
         if not math.isfinite(value):
             return ""
         read = [(value * factor, word) for factor, word in _MISTAKEN.get(self.unit, ())]
         if self.inverse and value:
             read.append((1 / value, self.inverse))
-        for wanted in (self.likely, self.possible):
+        for wanted in (self.likely, self.possible)[: 1 if _within(value, self.possible) else 2]:
             # Of several units that of a value far smaller than usual is nobody's: 3500 s are no nanoseconds.
             least = _LEAST_SHARE * max(map(abs, self.likely))
             words = [word for converted, word in read if abs(converted) >= least and _within(converted, wanted)]
@@ -142,7 +142,7 @@ CAMERA_OFFSET = Quantity(
 DEPTH_SCALE = Quantity(
     name="depth_scale_m",
     unit="m per unit",
-    possible=(1e-7, 0.05),
+    possible=(1e-7, 0.5),
     likely=(1e-5, 2e-3),
     source="RealSense: 1 mm (D435), 0.25 mm (L515), 0.1 mm (D405); Kinect: 1 mm; TUM: 1/5000 m",
     inverse="units per metre",
@@ -151,7 +151,7 @@ DEPTH_SCALE = Quantity(
 DEPTH = Quantity(
     name="depth",
     unit="m",
-    possible=(0, 65535 * 0.05),
+    possible=(0, 65535 * 0.5),
     likely=(0.1, 10),
     source="D435: 0.175 m at 640x480 to 10 m",
 )

@@ -59,7 +59,7 @@ def attempt(number: int) -> GraspAttempt:
         scene=None,
         truth_held=None,
         phase_s=np.ones(len(PHASES), np.float32),
-        started_ns=number * 60 * 10**9,
+        started_ns=(1_700_000_000 + 60 * number) * 10**9,
         elapsed_ns=10 * 10**9,
     )
 

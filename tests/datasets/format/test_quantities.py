@@ -43,6 +43,7 @@ def test_what_is_likely_is_possible_and_has_a_source(name: str) -> None:
         ("ANGLE", -90, "degrees"),
         ("PHASE", 3500, "milliseconds"),
         ("PHASE", 3.5e9, "nanoseconds"),
+        ("STARTED", 60_000_000_000, ""),
         ("STARTED", 1_700_000_000, "seconds"),
         ("STARTED", 1_700_000_000_000, "milliseconds"),
         ("STARTED", 1_700_000_000_000_000, "microseconds"),
