@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from handsight.datasets.errors import RecordError
 from handsight.datasets.format.schema import COLUMNS, FAILURE_BYTES, VIEWPOINTS, ColumnWidths, Viewpoint
 from handsight.datasets.records import (
     GraspAttempt,
@@ -54,15 +55,23 @@ def to_row(attempt: GraspAttempt, *, widths: ColumnWidths) -> Row:
 
 
 def from_row(row: Mapping[str, NDArray[Any]], frames: Mapping[Viewpoint, RgbdFrame | None]) -> GraspAttempt:
-    """The attempt that ``to_row`` was given, from its columns and pictures."""
+    """The attempt that ``to_row`` was given, from its columns and pictures.
+
+    Raises:
+        RecordError: Nobody wrote such a row with handsight.
+    """
+    try:
+        outcome, failure = Outcome(int(row["outcome"])), text_from_bytes(row["failure"])
+    except ValueError as error:
+        raise RecordError(f"row {int(row['number'])} makes no attempt: {error}") from error
     x_m, y_m, angle_rad = (float(value) for value in row["pregrasp_x_y_angle"])
     before_m, closed_m, lifted_m, final_m = (float(value) for value in row["gripper_width_m"])
     started_ns, elapsed_ns = (int(value) for value in row["started_elapsed_ns"])
     truth = int(row["truth_held"])
     return GraspAttempt(
         number=int(row["number"]),
-        outcome=Outcome(int(row["outcome"])),
-        failure=text_from_bytes(row["failure"]),
+        outcome=outcome,
+        failure=failure,
         overhead=frames["overhead"],
         pregrasp=frames["pregrasp"],
         pregrasp_x_m=x_m,

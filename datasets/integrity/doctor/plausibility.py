@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from datetime import datetime
 
 import numpy as np
 import pandas as pd
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from handsight.datasets.format import quantities
 from handsight.datasets.format.quantities import Quantity
 from handsight.datasets.format.sessions import SessionInfo
+from handsight.datasets.format.typed import shown
 from handsight.datasets.format.validation import field_of_view_rad, header_faults
 from handsight.datasets.integrity.doctor.findings import Finding, attempt_finding, dataset_finding
 from handsight.datasets.reading.reader import GraspDataset
@@ -47,10 +49,30 @@ def plausibility_findings(dataset: GraspDataset) -> Iterator[Finding]:
 def _station_findings(session: SessionInfo) -> Iterator[Finding]:
     for fault in header_faults(session.header):
         yield dataset_finding("GD-211", "error", f"session {session.ulid}: {fault}")
+    yield from _date_findings(session)
     for name, quantity, value in _station_numbers(session):
         if quantity.unlikely(value):
             complaint = quantity.complaint(value, quantity.likely, name)
             yield dataset_finding("GD-212", "warning", f"session {session.ulid}: {complaint}")
+
+
+def _date_findings(session: SessionInfo) -> Iterator[Finding]:
+    for name, text in (("started", session.started), ("ended", session.ended)):
+        if text is None:
+            continue
+        try:
+            moment_ns = datetime.fromisoformat(text).timestamp() * 1e9
+        except (ValueError, OverflowError):
+            said = f"session {session.ulid}: {name} is {shown(text)}, expected a time in ISO 8601"
+            yield dataset_finding("GD-211", "error", said)
+            continue
+        if _unlikely_date(moment_ns):
+            said = f"session {session.ulid}: {name} is {text}, expected the years 2000 to 2099"
+            yield dataset_finding("GD-212", "warning", said)
+
+
+def _unlikely_date(moment_ns: float) -> bool:
+    return not quantities.STARTED.likely[0] <= moment_ns <= quantities.STARTED.likely[1]
 
 
 def _station_numbers(session: SessionInfo) -> list[tuple[str, Quantity, float]]:

@@ -183,10 +183,10 @@ def _grasp_checks(grasp: NDArray[np.float64], goal: NDArray[np.float64]) -> Iter
 
 def _object_checks(objects: NDArray[np.float64]) -> Iterator[_Check]:
     """The object of each scene that is farthest from what is likely. ``objects`` has shape (N, M, 7)."""
-    distance = np.asarray(np.fmax.reduce(np.linalg.norm(objects[:, :, :3], axis=2), axis=1))
+    distance = np.asarray(np.fmax.reduce(np.linalg.norm(objects[:, :, :3], axis=2), axis=1), np.float64)
     lengths = np.linalg.norm(objects[:, :, 3:], axis=2)
     longest, shortest = np.fmax.reduce(lengths, axis=1), np.fmin.reduce(lengths, axis=1)
-    length = np.asarray(np.where(longest - 1 > 1 - shortest, longest, shortest))
+    length = np.asarray(np.where(longest - 1 > 1 - shortest, longest, shortest), np.float64)
     for what, quantity, values in (
         ("with objects far from the arm", quantities.OBJECT_DISTANCE, distance),
         ("with an object's rotation that is none", quantities.QUATERNION_NORM, length),

@@ -323,19 +323,30 @@ def flip_label(root: zarr.Group, session: str) -> None:
     array_at(root, f"{session}/attempts/outcome")[2] = int(Outcome.EMPTY)
 
 
-def redate(root: zarr.Group, session: str) -> None:
-    root[session].attrs["started"] = "2001-01-01T00:00:00+00:00"
+def redate_to(moment: str) -> Callable[[zarr.Group, str], None]:
+    def change(root: zarr.Group, session: str) -> None:
+        root[session].attrs["started"] = moment
+
+    return change
+
+
+def in_millimetres(root: zarr.Group, session: str) -> None:
+    """What was imported before units were looked at."""
+    header = root[session].attrs.asdict()["header"]
+    header["station"] |= {"gripper_stroke_m": 85, "closed_width_m": 2}
+    root[session].attrs["header"] = header
 
 
 FOUND_AFTER_TAMPERING: dict[str, tuple[Callable[[zarr.Group, str], None], bool]] = {
     "GD-103": (shorten, False),
     "GD-104": (renumber, False),
-    "GD-107": (redate, False),
+    "GD-107": (redate_to("2001-01-01T00:00:00+00:00"), False),
     "GD-201": (set_value("attempts/pregrasp_x_y_angle", math.nan), False),
     "GD-202": (set_value("attempts/gripper_width_m", 0.85), False),
     "GD-205": (set_value("attempts/phase_s", -1.0), False),
     "GD-206": (flip_label, False),
     "GD-211": (set_value("attempts/contact_force_n", 1e9), False),
+    "GD-212": (redate_to("1970-01-01T00:00:07+00:00"), False),
 }
 
 
@@ -347,6 +358,22 @@ def test_what_no_writer_would_have_stored_is_found(repository: GraspRepository, 
     diagnosis = doctor(opened(repository))
     assert code in codes(diagnosis)
     assert diagnosis.ok is ok
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (in_millimetres, "gripper_stroke_m is 85 m, expected 0.001 to 1 m: millimetres?"),
+        (redate_to("noon"), "started is 'noon', expected a time in ISO 8601"),
+    ],
+)
+def test_what_older_versions_took_is_an_error(
+    repository: GraspRepository, change: Callable[[zarr.Group, str], None], message: str
+) -> None:
+    record(repository, HEADER, attempts())
+    tamper(repository, change)
+    found = [finding.message for finding in doctor(opened(repository)).findings if finding.code == "GD-211"]
+    assert any(message in one for one in found), found
 
 
 def test_damaged_pictures_are_a_finding_not_a_crash(repository: GraspRepository) -> None:
