@@ -7,6 +7,7 @@ import struct
 import zlib
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -22,8 +23,8 @@ COLOURS = RNG.integers(0, 256, (*SIZE, 3), dtype=np.uint8)
 DEPTH = RNG.integers(0, 2**16, SIZE, dtype=np.uint16)
 
 
-def encoded(picture: NDArray[np.generic], suffix: str = ".png") -> bytes:
-    return cv2.imencode(suffix, picture)[1].tobytes()  # type: ignore[call-overload,no-any-return]
+def encoded(picture: NDArray[Any], suffix: str = ".png") -> bytes:
+    return cv2.imencode(suffix, picture)[1].tobytes()
 
 
 @pytest.mark.parametrize("suffix", [".png", ".tiff", ".bmp", ".ppm"])

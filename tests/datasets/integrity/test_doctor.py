@@ -332,7 +332,7 @@ def redate_to(moment: str) -> Callable[[zarr.Group, str], None]:
 
 def in_millimetres(root: zarr.Group, session: str) -> None:
     """What was imported before units were looked at."""
-    header = root[session].attrs.asdict()["header"]
+    header: Any = root[session].attrs.asdict()["header"]
     header["station"] |= {"gripper_stroke_m": 85, "closed_width_m": 2}
     root[session].attrs["header"] = header
 

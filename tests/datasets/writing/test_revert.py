@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 import zarr
@@ -48,7 +49,7 @@ def poison(repository: GraspRepository) -> str:
     transaction = repository.writable("main")
     root = zarr.open_group(transaction.store, mode="r+")
     session = next(group for _, group in root["sessions"].groups())  # type: ignore[union-attr]
-    header = session.attrs.asdict()["header"]
+    header: Any = session.attrs.asdict()["header"]
     header["station"]["objects"][3] = None
     session.update_attributes({"header": header})
     repository.commit(transaction, branch="main", message="poison")
