@@ -308,7 +308,7 @@ GRASP_OFFSET = Quantity(
 CONTACT_FORCE = Quantity(
     name="contact_force_n",
     unit="N",
-    possible=(-1e5, 1e5),
+    possible=(-1e6, 1e6),
     likely=(-100, 2000),
     source="the paper stops at 40 N; simulated contacts reach 1500 N; a UR10 (CB3) errs by 10 N",
 )
