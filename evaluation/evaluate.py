@@ -16,7 +16,7 @@ from handsight.evaluation.trial import Trial, TrialRecording, run_trial
 from handsight.jobs.ordered import map_ordered
 from handsight.servoing.loop import ServoSettings
 from handsight.servoing.methods.registry import RANDOM, check_methods
-from handsight.servoing.objective import ScoreInputs
+from handsight.servoing.scorer import GraspScorer
 from handsight.training.run import load_scorer
 
 
@@ -52,7 +52,7 @@ class TrialContext:
     """The context of a worker: a station and a network."""
 
     station: Station
-    score_inputs: ScoreInputs
+    scorer: GraspScorer
 
     def close(self) -> None:
         """Release the station."""
@@ -83,6 +83,7 @@ def evaluate(
 
     Raises:
         WorkerDiedError: A worker process died.
+        ScoreError: A score of the network is not in [0, 1].
     """
     tasks = [(number, method) for number in range(settings.trials) for method in settings.methods]
     work = partial(_trial, seed=settings.seed, servo=settings.servo)
@@ -100,7 +101,7 @@ def record_trial(
     """Run one trial again in this process and keep everything seen; None when it failed before servoing."""
     context = factory()
     try:
-        _, recording = run_trial(context.station, context.score_inputs, method, number, seed=seed, settings=servo)
+        _, recording = run_trial(context.station, context.scorer, method, number, seed=seed, settings=servo)
     finally:
         context.close()
     return recording
@@ -108,7 +109,7 @@ def record_trial(
 
 def _trial(context: TrialContext, task: tuple[int, str], *, seed: int, servo: ServoSettings) -> Trial:
     number, method = task
-    scorer = None if method == RANDOM else context.score_inputs
+    scorer = None if method == RANDOM else context.scorer
     return run_trial(context.station, scorer, method, number, seed=seed, settings=servo)[0]
 
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from tests.support.scorers import FunctionScorer
 
 from handsight.collection.sim.config import SimConfig
 from handsight.collection.sim.station import SimStation, SimStationFactory
@@ -60,9 +61,8 @@ def test_methods_begin_alike(factory: TrialContextFactory) -> None:
 def test_a_confident_network_grasps_at_once() -> None:
     station = SimStation(SimConfig(objects="blocks-test"))
     try:
-        trial, recording = run_trial(
-            station, lambda inputs: torch.ones(len(inputs)), "cem-1", 1, seed=4, settings=ServoSettings()
-        )
+        sure = FunctionScorer(lambda inputs: torch.ones(len(inputs)))
+        trial, recording = run_trial(station, sure, "cem-1", 1, seed=4, settings=ServoSettings())
         blind, _ = run_trial(station, None, "random", 1, seed=4, settings=ServoSettings())
     finally:
         station.close()
