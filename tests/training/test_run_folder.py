@@ -40,7 +40,7 @@ def test_other_things_are_never_replaced(tmp_path: Path, overwrite: bool) -> Non
         (tmp_path / name).write_text("years of work")
     with pytest.raises(CheckpointError, match=r"other files \(a.tex, b.tex, c.tex and 1 more\)"):
         check_run_folder(tmp_path, overwrite=overwrite)
-    with pytest.raises(CheckpointError, match="a.tex is a file"):
+    with pytest.raises(CheckpointError, match=r"a\.tex is a file"):
         check_run_folder(tmp_path / "a.tex", overwrite=overwrite)
     with pytest.raises(CheckpointError, match="run would lie in it"):
         check_run_folder(tmp_path / "a.tex" / "run", overwrite=overwrite)
@@ -52,8 +52,8 @@ def test_a_link_to_nowhere_says_so(tmp_path: Path) -> None:
         check_run_folder(tmp_path / "run")
 
 
-@pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
-def test_a_folder_that_cannot_be_written_to_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "shut").mkdir(mode=0o500)
-    with pytest.raises(CheckpointError, match="is not writable"):
-        check_run_folder(tmp_path / "shut" / "run")
+def test_a_folder_that_cannot_be_written_to_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Root may write anywhere, so it is the system's answer that is made up."""
+    monkeypatch.setattr(os, "access", lambda path, mode: path != tmp_path)
+    with pytest.raises(CheckpointError, match=f"{tmp_path} is not writable"):
+        check_run_folder(tmp_path / "new" / "run")
