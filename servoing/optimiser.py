@@ -69,8 +69,9 @@ class ServoMethod:
 
     def to_json(self) -> dict[str, Any]:
         """Everything that decides its steps beside the view, the network and the random stream, as JSON values."""
-        settings = {} if self.settings is None else asdict(self.settings)
-        return {"name": self.name, "optimiser": type(self.settings).__name__, "settings": settings}
+        if self.settings is None:
+            return {"name": self.name, "optimiser": None, "settings": {}}
+        return {"name": self.name, "optimiser": type(self.settings).__name__, "settings": asdict(self.settings)}
 
     def begin(self) -> Optimiser:
         """An optimiser that has seen nothing yet.
