@@ -70,7 +70,7 @@ def evaluate_model(model: Path, objects: str, settings: EvaluationSettings) -> d
     from handsight.training.run import load_run
 
     run = load_run(model)
-    factory = TrialContextFactory(open_station=sim_station(objects), run=model)
+    factory = TrialContextFactory(open_station=sim_station(objects), run=model, weights_sha256=run.weights_sha256)
     with progress_bar("evaluate", settings.trials * len(settings.methods)) as bar:
         done = evaluate(factory, settings, on_trial=lambda trial: bar.advance())
     return {

@@ -17,7 +17,8 @@ from handsight.jobs.ordered import map_ordered
 from handsight.servoing.loop import ServoSettings
 from handsight.servoing.methods.registry import RANDOM, check_methods
 from handsight.servoing.scorer import GraspScorer
-from handsight.training.run import load_scorer
+from handsight.training.errors import CheckpointError
+from handsight.training.run import load_run
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,14 +67,25 @@ class TrialContextFactory:
     open_station: StationFactory
     run: Path
     """Folder of the trained run."""
+    weights_sha256: str | None = None
+    """Of the weights that it held when the trials were planned; None takes whatever it holds."""
 
     def __call__(self) -> TrialContext:
         """Open the station and load the network.
 
         One thread for each worker: with more, workers would only wait for each other.
+
+        Raises:
+            CheckpointError: The run is damaged, or another one has taken its place.
         """
         torch.set_num_threads(1)
-        return TrialContext(self.open_station(), load_scorer(self.run))
+        run = load_run(self.run)
+        if self.weights_sha256 not in (None, run.weights_sha256):
+            raise CheckpointError(
+                f"{self.run} holds another network than when the trials began: leave a run in its place while it is "
+                "used, and begin again"
+            )
+        return TrialContext(self.open_station(), run.scorer())
 
 
 def evaluate(

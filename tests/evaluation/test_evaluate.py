@@ -15,6 +15,7 @@ from handsight.evaluation.evaluate import EvaluationSettings, TrialContextFactor
 from handsight.evaluation.trial import Trial, run_trial
 from handsight.servoing.homography import InputGrid
 from handsight.servoing.loop import ServoSettings
+from handsight.training.errors import CheckpointError
 from handsight.training.gqn import GqnConfig, GraspQualityNetwork
 from handsight.training.run import DataOrigin, save_run
 from handsight.training.trainer import TrainSettings
@@ -70,3 +71,8 @@ def test_a_confident_network_grasps_at_once() -> None:
     assert recording.trace.confident
     assert (trial.moves, trial.success) == (0, blind.success)
     assert trial.truth_held == blind.truth_held
+
+
+def test_a_run_that_is_replaced_between_trials_is_noticed(factory: TrialContextFactory) -> None:
+    with pytest.raises(CheckpointError, match="holds another network"):
+        replace(factory, weights_sha256="0" * 64)()
