@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import shutil
 import sys
@@ -24,13 +23,14 @@ from handsight.cli.wiring.stations import sim_station
 from handsight.collection.collector import CollectSettings
 from handsight.datasets.atomic import atomic_file
 from handsight.datasets.errors import counted
+from handsight.datasets.inputs.viewpoint import DEFAULT_VIEWPOINT
 from handsight.datasets.reading.reader import GraspDataset
 from handsight.datasets.store.repository import GraspRepository
 from handsight.evaluation.evaluate import EvaluationSettings, TrialContextFactory, record_trial
 from handsight.evaluation.results import ResultRow
 from handsight.servoing.methods.registry import METHODS
 from handsight.training.metrics import Metrics
-from handsight.training.run import WEIGHTS, load_run
+from handsight.training.run import load_run
 from handsight.training.run_folder import RUN_RECORD
 from handsight.training.trainer import TrainSettings
 from handsight.viz.figures.results import results_figure
@@ -118,14 +118,14 @@ def _train(paths: DemoPaths, release: str, settings: TrainSettings) -> None:
     address = f"{paths.dataset}@{release}"
     dataset = GraspDataset.open(address)
     if not (paths.run / RUN_RECORD).exists() or load_run(paths.run).origin.digest != dataset.digest:
-        train_to_folder(dataset, address, paths.run, settings, viewpoint="overhead")
+        train_to_folder(dataset, address, paths.run, settings, viewpoint=DEFAULT_VIEWPOINT, overwrite=True)
     held_out = Metrics(**load_run(paths.run).record["history"][-1]["held_out"])
     console.print(f"   {paths.run}: {describe(held_out)}")
 
 
 def _evaluate(paths: DemoPaths, settings: EvaluationSettings) -> list[ResultRow]:
     _headline(f"3  Servo on objects it never saw, {counted(settings.trials, 'trial')} of each method")
-    weights = hashlib.sha256((paths.run / WEIGHTS).read_bytes()).hexdigest()
+    weights = load_run(paths.run).weights_sha256
     results = _read_results(paths.results)
     key = {"weights_sha256": weights, "trials_each": settings.trials, "seed": settings.seed}
     if any(results.get(name) != value for name, value in key.items()):

@@ -66,18 +66,21 @@ def evaluate_model(model: Path, objects: str, settings: EvaluationSettings) -> d
     from handsight.cli.wiring.stations import sim_station
     from handsight.evaluation.evaluate import TrialContextFactory, evaluate
     from handsight.evaluation.results import result_rows
+    from handsight.servoing.methods.registry import METHODS
     from handsight.training.run import load_run
 
     run = load_run(model)
-    factory = TrialContextFactory(open_station=sim_station(objects), run=model)
+    factory = TrialContextFactory(open_station=sim_station(objects), run=model, weights_sha256=run.weights_sha256)
     with progress_bar("evaluate", settings.trials * len(settings.methods)) as bar:
         done = evaluate(factory, settings, on_trial=lambda trial: bar.advance())
     return {
         "rows": result_rows(done, objects=objects, methods=settings.methods),
         "model": str(model),
+        "weights_sha256": run.weights_sha256,
         "dataset_digest": run.origin.digest,
         "seed": settings.seed,
         "threshold": settings.servo.threshold,
+        "methods": [METHODS[name].to_json() for name in settings.methods],
         "trials": [
             {"number": t.number, "method": t.method, "success": t.success, "moves": t.moves, "failure": t.failure}
             for t in done

@@ -77,7 +77,7 @@ def heatmap_examples(
         for key, frame in dataset.frames("overhead", attempts):
             spec = dataset.station(key)
             view = station_view(frame, spec)
-            heatmap = grasp_heatmap(view, scorer, grid=run.grid, spacing_px=spacing_px)
+            heatmap = grasp_heatmap(view, scorer, spacing_px=spacing_px)
             examples.append(
                 HeatmapExample(title=key, view=view, heatmap=heatmap, grid=run.grid, jaws_m=spec.gripper_stroke_m)
             )

@@ -71,14 +71,13 @@ def write_trace(
 ) -> None:
     """Write the recording, with a heatmap for every step, and a picture from outside where there are any."""
     from handsight.servoing.heatmap import grasp_heatmap
-    from handsight.training.run import load_run
+    from handsight.training.run import load_scorer
     from handsight.viz.recordings.servo_trace import write_servo_trace
 
-    run = load_run(model)
-    scorer = run.scorer()
+    scorer = load_scorer(model)
     heatmaps = []
     with progress_bar("heatmaps", len(recording.trace.steps)) as bar:
         for step in recording.trace.steps:
-            heatmaps.append(grasp_heatmap(step.view, scorer, grid=run.grid))
+            heatmaps.append(grasp_heatmap(step.view, scorer))
             bar.advance()
     write_servo_trace(out, recording, heatmaps, outside)

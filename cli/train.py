@@ -11,6 +11,7 @@ from handsight.cli.opening import checked_address, open_version
 from handsight.cli.options import Dataset, Json, Seed
 from handsight.cli.output import console, print_json, progress_bar
 from handsight.datasets.errors import counted
+from handsight.datasets.inputs.viewpoint import DEFAULT_VIEWPOINT
 from handsight.training.run_folder import check_run_folder
 
 if TYPE_CHECKING:
@@ -30,18 +31,21 @@ def train_command(
     batch: Annotated[int, typer.Option(help="Inputs per step.")] = 200,
     viewpoint: Annotated[
         Literal["overhead", "pregrasp"], typer.Option(help="Picture that is warped to the grasp.")
-    ] = "overhead",
+    ] = DEFAULT_VIEWPOINT,
     seed: Seed = 0,
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Replace a run that is there, once the new one is trained.")
+    ] = False,
     as_json: Json = False,
 ) -> None:
     """Train a network on a version of a dataset (section V-A)."""
     checked_address(dataset)
-    check_run_folder(out)
+    check_run_folder(out, overwrite=overwrite)
     from handsight.training.gqn import GqnConfig
     from handsight.training.trainer import TrainSettings
 
     settings = TrainSettings(network=GqnConfig(channels=channels), epochs=epochs, batch=batch, seed=seed)
-    final = train_to_folder(open_version(dataset), dataset, out, settings, viewpoint=viewpoint)
+    final = train_to_folder(open_version(dataset), dataset, out, settings, viewpoint=viewpoint, overwrite=overwrite)
     if as_json:
         print_json({"run": out, "epoch": final})
     else:
@@ -57,10 +61,19 @@ def describe(held_out: Metrics) -> str:
 
 
 def train_to_folder(
-    dataset: GraspDataset, name: str, out: Path, settings: TrainSettings, *, viewpoint: Literal["overhead", "pregrasp"]
+    dataset: GraspDataset,
+    name: str,
+    out: Path,
+    settings: TrainSettings,
+    *,
+    viewpoint: Literal["overhead", "pregrasp"],
+    overwrite: bool = False,
 ) -> Epoch:
-    """Materialize, train and save behind progress bars; returns the last epoch."""
-    check_run_folder(out)
+    """Materialize, train and save behind progress bars; returns the last epoch.
+
+    A run that is there is replaced at the end, if at all.
+    """
+    check_run_folder(out, overwrite=overwrite)
     from handsight.servoing.homography import InputGrid
     from handsight.training.run import DataOrigin, save_run
     from handsight.training.trainer import train
@@ -77,7 +90,7 @@ def train_to_folder(
         view=viewpoint,
         attempts=len(data.attempts),
     )
-    save_run(out, network, origin=origin, grid=grid, settings=settings, history=history)
+    save_run(out, network, origin=origin, grid=grid, settings=settings, history=history, overwrite=overwrite)
     return history[-1]
 
 

@@ -14,10 +14,11 @@ from handsight.collection.policy import Pregrasp, UniformPolicy
 from handsight.collection.station import Station
 from handsight.datasets.records import SceneObjects
 from handsight.datasets.views import station_view
+from handsight.servoing.homography import InputGrid
 from handsight.servoing.loop import ServoSettings, ServoTrace, servo
-from handsight.servoing.objective import ScoreInputs
 from handsight.servoing.optimiser import ServoMethod
 from handsight.servoing.planar import PlanarPose
+from handsight.servoing.scorer import GraspScorer
 from handsight.servoing.view import View
 
 
@@ -28,12 +29,16 @@ class NetworkFactory(Hashable, Protocol):
     def sha256(self) -> str:
         """Of the network's weights."""
 
-    def __call__(self) -> ScoreInputs:
+    @property
+    def grid(self) -> InputGrid:
+        """Crop and size of its inputs, as the network that it opens has it."""
+
+    def __call__(self) -> GraspScorer:
         """Open it."""
 
 
 @lru_cache(maxsize=1)
-def _opened(open_network: NetworkFactory) -> ScoreInputs:
+def _opened(open_network: NetworkFactory) -> GraspScorer:
     """The policy comes pickled with every attempt; its network is opened once in a process."""
     return open_network()
 
@@ -54,11 +59,15 @@ class ServoPolicy:
             raise CollectionSettingsError(f"random_share is {self.random_share}, expected 0 to 1")
 
     def settings(self) -> dict[str, object]:
-        """Method, share, thresholds, and the network by the hash of its weights."""
+        """Everything that decides the poses: how the method is tuned, the network and its grid, shares and ranges."""
+        method = self.method.to_json()
         return {
             "name": "servo",
-            "method": self.method.name,
+            "method": method["name"],
+            "optimiser": method["optimiser"],
+            "method_settings": method["settings"],
             "weights_sha256": self.open_network.sha256,
+            "grid": asdict(self.open_network.grid),
             "random_share": self.random_share,
             "half_range_m": self.start.half_range_m,
             "servo": asdict(self.servo),
@@ -69,19 +78,21 @@ class ServoPolicy:
 
         Raises:
             UnreachableError: The pose drawn cannot be reached.
+            ScoreError: A score of the network is not in [0, 1]. It would be so in other attempts too, so that this ends
+                the session and no attempt is recorded.
         """
         drawn = self.start.choose(station, scene, rng)
         if rng.random() < self.random_share:
             return drawn
         station.reach(drawn.pose)
-        score_inputs = _opened(self.open_network)
-        trace = servo_on_station(station, score_inputs, self.method, settings=self.servo, rng=rng)
+        scorer = _opened(self.open_network)
+        trace = servo_on_station(station, scorer, self.method, settings=self.servo, rng=rng)
         return Pregrasp(pose=trace.grasp_pose, predicted_success=trace.grasp_score)
 
 
 def servo_on_station(
     station: Station,
-    score_inputs: ScoreInputs,
+    scorer: GraspScorer,
     method: ServoMethod,
     *,
     settings: ServoSettings,
@@ -91,10 +102,13 @@ def servo_on_station(
 
     Args:
         station: The robot, its gripper at the pre-grasp height.
-        score_inputs: The network.
+        scorer: The network.
         method: How to climb its predictions.
         settings: When to stop.
         rng: Source of the method's randomness.
+
+    Raises:
+        ScoreError: A score of the network is not in [0, 1].
     """
 
     def look() -> tuple[View, PlanarPose]:
@@ -108,4 +122,4 @@ def servo_on_station(
             return False
         return True
 
-    return servo(look, move, score_inputs, method, settings=settings, rng=rng)
+    return servo(look, move, scorer, method, settings=settings, rng=rng)

@@ -16,8 +16,9 @@ from handsight.evaluation.trial import Trial, TrialRecording, run_trial
 from handsight.jobs.ordered import map_ordered
 from handsight.servoing.loop import ServoSettings
 from handsight.servoing.methods.registry import RANDOM, check_methods
-from handsight.servoing.objective import ScoreInputs
-from handsight.training.run import load_scorer
+from handsight.servoing.scorer import GraspScorer
+from handsight.training.errors import CheckpointError
+from handsight.training.run import load_run
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,7 +53,7 @@ class TrialContext:
     """The context of a worker: a station and a network."""
 
     station: Station
-    score_inputs: ScoreInputs
+    scorer: GraspScorer
 
     def close(self) -> None:
         """Release the station."""
@@ -66,14 +67,25 @@ class TrialContextFactory:
     open_station: StationFactory
     run: Path
     """Folder of the trained run."""
+    weights_sha256: str | None = None
+    """Of the weights that it held when the trials were planned; None takes whatever it holds."""
 
     def __call__(self) -> TrialContext:
         """Open the station and load the network.
 
         One thread for each worker: with more, workers would only wait for each other.
+
+        Raises:
+            CheckpointError: The run is damaged, or another one has taken its place.
         """
         torch.set_num_threads(1)
-        return TrialContext(self.open_station(), load_scorer(self.run))
+        run = load_run(self.run)
+        if self.weights_sha256 not in (None, run.weights_sha256):
+            raise CheckpointError(
+                f"{self.run} holds another network than when the trials began: leave a run in its place while it is "
+                "used, and begin again"
+            )
+        return TrialContext(self.open_station(), run.scorer())
 
 
 def evaluate(
@@ -83,6 +95,7 @@ def evaluate(
 
     Raises:
         WorkerDiedError: A worker process died.
+        ScoreError: A score of the network is not in [0, 1].
     """
     tasks = [(number, method) for number in range(settings.trials) for method in settings.methods]
     work = partial(_trial, seed=settings.seed, servo=settings.servo)
@@ -100,7 +113,7 @@ def record_trial(
     """Run one trial again in this process and keep everything seen; None when it failed before servoing."""
     context = factory()
     try:
-        _, recording = run_trial(context.station, context.score_inputs, method, number, seed=seed, settings=servo)
+        _, recording = run_trial(context.station, context.scorer, method, number, seed=seed, settings=servo)
     finally:
         context.close()
     return recording
@@ -108,7 +121,7 @@ def record_trial(
 
 def _trial(context: TrialContext, task: tuple[int, str], *, seed: int, servo: ServoSettings) -> Trial:
     number, method = task
-    scorer = None if method == RANDOM else context.score_inputs
+    scorer = None if method == RANDOM else context.scorer
     return run_trial(context.station, scorer, method, number, seed=seed, settings=servo)[0]
 
 

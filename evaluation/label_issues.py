@@ -21,6 +21,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from handsight.datasets.errors import counted
+from handsight.servoing.scores import check_scores
 from handsight.training.metrics import Metrics, evaluate_scores
 
 SHARE_OF_PRIOR = 0.5
@@ -110,7 +111,11 @@ def rank_label_issues(
         scores: Predicted success of each, by a network that never saw it. Shape (N,).
         count: How many to list at most. They are chosen by :func:`issue_log_odds`.
         listed: Which may be listed; None for all. The metrics are those of all scores. Shape (N,).
+
+    Raises:
+        ScoreError: There is not one score for each attempt, or some are not in [0, 1].
     """
+    check_scores(scores, len(attempts))
     labels = attempts["success"].to_numpy(dtype=np.float32)
     order = np.argsort(-issue_log_odds(scores, labels), kind="stable")
     if listed is not None:

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from handsight.datasets.address import DEFAULT_REF
 from handsight.datasets.curation.folds import UNKNOWN_GROUP, assign_folds, attempt_groups, read_folds
 from handsight.datasets.errors import DatasetError, counted
-from handsight.datasets.format.schema import Viewpoint
 from handsight.datasets.inputs.materialize import usable_attempts
+from handsight.datasets.inputs.viewpoint import DEFAULT_VIEWPOINT
 from handsight.datasets.reading.reader import GraspDataset
 from handsight.datasets.reading.selection import matches
 from handsight.evaluation.errors import EvaluationError, EvaluationSettingsError, LabelIssuesError
@@ -24,9 +24,6 @@ from handsight.evaluation.label_issues import LabelIssue
 from handsight.training.cross_validation import check_folds
 from handsight.training.errors import TrainingError
 from handsight.training.trainer import TrainSettings
-
-VIEWPOINT: Viewpoint = "overhead"
-"""The picture that every attempt has; ``handsight train`` learns from it too, so both share a cache."""
 
 FOLDS = 3
 """Folds made when no stored ones are named: with more, each network sees a little more and all take longer."""
@@ -57,7 +54,7 @@ def plan_review(dataset: GraspDataset, *, folds: str, epochs: int, where: str, s
         NoTrainingDataError: The version holds no labelled attempt.
         LabelIssuesError: Some of it makes no sense here; every fault is in the message.
     """
-    attempts = usable_attempts(dataset, VIEWPOINT)
+    attempts = usable_attempts(dataset, DEFAULT_VIEWPOINT)
     faults: list[str] = []
     with collect_faults(faults):
         settings = TrainSettings(epochs=epochs, seed=seed)

@@ -21,7 +21,7 @@ from handsight.collection.station import Station
 from handsight.datasets.records import RgbdFrame, SceneObjects, StationSpec
 from handsight.servoing.loop import ServoSettings, ServoTrace
 from handsight.servoing.methods.registry import METHODS
-from handsight.servoing.objective import ScoreInputs
+from handsight.servoing.scorer import GraspScorer
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,7 +54,7 @@ class TrialRecording:
 
 def run_trial(
     station: Station,
-    score_inputs: ScoreInputs | None,
+    scorer: GraspScorer | None,
     method: str,
     number: int,
     *,
@@ -65,6 +65,9 @@ def run_trial(
 
     Returns:
         The result, and what was seen if there was servoing.
+
+    Raises:
+        ScoreError: A score of the network is not in [0, 1]. That is no failure of the trial: nothing is grasped.
     """
     progress = AttemptProgress(station=station)
     streams = AttemptStreams.from_seed(attempt_seed(seed, number))
@@ -72,8 +75,8 @@ def run_trial(
     failure = ""
     try:
         begin_attempt(progress, UniformPolicy(), streams)
-        if score_inputs is not None and METHODS[method].settings is not None:
-            trace = servo_on_station(station, score_inputs, METHODS[method], settings=settings, rng=streams.servo)
+        if scorer is not None and METHODS[method].settings is not None:
+            trace = servo_on_station(station, scorer, METHODS[method], settings=settings, rng=streams.servo)
         execute_grasp(progress)
     except PhaseError as error:
         failure = str(error)

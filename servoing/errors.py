@@ -3,6 +3,8 @@
 ServoingError
 ├── CameraModelError (ValueError)      intrinsics or mount that describe no camera
 ├── ImageError (ValueError)            a picture of the wrong shape, type or content
+├── ScoreError (ValueError)            scores of a network that are no success metrics
+├── StepError (ValueError)             steps of the wrong shape or type
 ├── UnknownMethodError (ValueError)    no servo method of that name
 └── ServoSettingsError (ValueError)    optimiser or loop settings out of range
 """
@@ -18,6 +20,14 @@ class CameraModelError(ServoingError, ValueError):
 
 class ImageError(ServoingError, ValueError):
     """A picture of the wrong shape, type or content."""
+
+
+class ScoreError(ServoingError, ValueError):
+    """Scores of a network that are no success metrics in [0, 1]."""
+
+
+class StepError(ServoingError, ValueError):
+    """Steps of the wrong shape or type."""
 
 
 class UnknownMethodError(ServoingError, ValueError):

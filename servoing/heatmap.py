@@ -13,8 +13,8 @@ import torch
 from numpy.typing import NDArray
 
 from handsight.servoing.errors import ServoSettingsError
-from handsight.servoing.homography import InputGrid
-from handsight.servoing.objective import Objective, ScoreInputs
+from handsight.servoing.objective import Objective
+from handsight.servoing.scorer import GraspScorer
 from handsight.servoing.view import View
 
 BATCH = 256
@@ -34,17 +34,19 @@ class Heatmap:
     """Turn of the gripper against its current angle at which the map was made."""
 
 
-def grasp_heatmap(
-    view: View, score_inputs: ScoreInputs, *, grid: InputGrid, spacing_px: int = 8, angle_rad: float = 0.0
-) -> Heatmap:
+def grasp_heatmap(view: View, scorer: GraspScorer, *, spacing_px: int = 8, angle_rad: float = 0.0) -> Heatmap:
     """Score a translation to every ``spacing_px``-th pixel of the picture, all with the same turn.
 
     Raises:
-        ServoSettingsError: The spacing is not positive.
+        ServoSettingsError: The spacing is not positive, or no point of it lies in the picture.
+        ScoreError: A score is not in [0, 1].
     """
-    if spacing_px < 1:
-        raise ServoSettingsError(f"heatmap spacing is {spacing_px} px, expected at least 1")
     k = view.camera.intrinsics
+    if not 1 <= spacing_px <= min(k.width, k.height):
+        raise ServoSettingsError(
+            f"heatmap spacing is {spacing_px} px, expected at least 1 and at most {min(k.width, k.height)}, the "
+            "shorter side of the picture"
+        )
     plane_m = view.plane_m
     columns_px = np.arange(0.5 * (spacing_px - 1), k.width, spacing_px, dtype=np.float32)
     rows_px = np.arange(0.5 * (spacing_px - 1), k.height, spacing_px, dtype=np.float32)
@@ -52,7 +54,7 @@ def grasp_heatmap(
     dy_m = (rows_px - k.cy) * plane_m / k.fy + view.camera.y_tool_camera_m
     grid_dy_m, grid_dx_m = np.meshgrid(dy_m, dx_m, indexing="ij")
     steps = np.stack([grid_dx_m.ravel(), grid_dy_m.ravel(), np.full(grid_dx_m.size, angle_rad)], axis=1)
-    objective = Objective(view, score_inputs, grid)
+    objective = Objective(view, scorer)
     batches = torch.from_numpy(steps.astype(np.float32)).split(BATCH)
     scores = torch.cat([objective(batch) for batch in batches]).numpy()
     return Heatmap(scores=scores.reshape(grid_dx_m.shape), columns_px=columns_px, rows_px=rows_px, angle_rad=angle_rad)

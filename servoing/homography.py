@@ -17,8 +17,11 @@ from torch import Tensor
 from torch.nn import functional
 
 from handsight.servoing.camera import HandCamera
-from handsight.servoing.errors import ServoSettingsError
+from handsight.servoing.errors import ServoSettingsError, StepError
 from handsight.servoing.prepared_view import PreparedView
+
+LARGEST_CROP_PX = 8192
+"""More than any picture has: what lies beyond is a slip of digits, and padding it would take all memory."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -31,9 +34,12 @@ class InputGrid:
     """Side of the network's input."""
 
     def __post_init__(self) -> None:
-        if not 1 < self.size_px <= self.crop_px:
+        sides: tuple[object, ...] = (self.crop_px, self.size_px)  # Perhaps from a file.
+        whole = all(isinstance(px, int) and not isinstance(px, bool) for px in sides)
+        if not (whole and 1 < self.size_px <= self.crop_px <= LARGEST_CROP_PX):
             raise ServoSettingsError(
-                f"input grid is {self.size_px} px from a {self.crop_px} px crop, expected 1 < size <= crop"
+                f"input grid is {self.size_px!r} px from a {self.crop_px!r} px crop, expected whole numbers with "
+                f"1 < size <= crop <= {LARGEST_CROP_PX}"
             )
 
     @property
@@ -82,8 +88,13 @@ def predict_inputs(view: PreparedView, steps: Tensor, *, grid: InputGrid, view_p
         view_plane_m: Distance of the plane in the predicted picture; None means the height does not change.
 
     Returns:
-        Red, green, blue in [0, 1] and height below the plane [m]. Shape (B, 4, size, size).
+        Red, green, blue in [0, 1] and height below the plane [m], on the steps' device and in their precision; steps
+        that require a gradient get one. Shape (B, 4, size, size).
+
+    Raises:
+        StepError: The steps have another shape or type.
     """
+    _check_steps(steps)
     plane_m = view.plane_m if view_plane_m is None else view_plane_m
     maps = raw_from_input(view.camera, steps, plane_m=view.plane_m, view_plane_m=plane_m, grid=grid)
     cell = view.pixels_per_cell
@@ -92,13 +103,25 @@ def predict_inputs(view: PreparedView, steps: Tensor, *, grid: InputGrid, view_p
     scale = 2 / (maps.new_tensor([width, height]) - 1)
     maps = maps * (scale / cell)[:, None]
     maps[:, :, 2] -= 0.5 * (cell - 1) / cell * scale + 1
-    axis = torch.arange(grid.size_px, dtype=maps.dtype)
+    axis = torch.arange(grid.size_px, dtype=maps.dtype, device=maps.device)
     column = maps[:, :, 0, None] * axis  # (B, 2, size)
     row = maps[:, :, 1, None] * axis + maps[:, :, 2, None]  # (B, 2, size)
     points = (row[:, :, :, None] + column[:, :, None, :]).permute(0, 2, 3, 1)  # (B, row, column, 2)
     # One tall picture instead of a batch of copies: all samples read the same source.
     batch, size = len(steps), grid.size_px
     sampled = functional.grid_sample(
-        view.channels[None], points.reshape(1, batch * size, size, 2), padding_mode="border", align_corners=True
+        view.channels[None].to(points),
+        points.reshape(1, batch * size, size, 2),
+        padding_mode="border",
+        align_corners=True,
     )
     return sampled.reshape(channels, batch, size, size).transpose(0, 1).contiguous()
+
+
+def _check_steps(steps: Tensor) -> None:
+    # Half precision cannot tell neighbouring pixels apart at the far side of a picture.
+    if steps.dtype not in (torch.float32, torch.float64) or steps.ndim != 2 or steps.shape[1] != 3:
+        raise StepError(
+            f"steps are {steps.dtype} of shape {tuple(steps.shape)}, expected torch.float32 or torch.float64 of shape "
+            "(B, 3): dx [m], dy [m], dangle [rad]"
+        )

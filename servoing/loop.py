@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
-import torch
 from torch import Tensor
 
 from handsight.servoing.errors import ServoSettingsError
-from handsight.servoing.homography import InputGrid
-from handsight.servoing.objective import Objective, ScoreInputs
+from handsight.servoing.objective import Objective
 from handsight.servoing.optimiser import Proposal, ServoMethod
 from handsight.servoing.planar import PlanarPose, PlanarStep
+from handsight.servoing.scorer import GraspScorer
 from handsight.servoing.view import View
 
 Look = Callable[[], tuple[View, PlanarPose]]
@@ -29,7 +28,6 @@ class ServoSettings:
 
     threshold: float = 0.95
     """Predicted success above which the grasp is executed (0.95 in simulation, 0.85 on the rig)."""
-    grid: InputGrid = field(default_factory=InputGrid)
 
     def __post_init__(self) -> None:
         if not 0 < self.threshold <= 1:
@@ -77,7 +75,7 @@ class ServoTrace:
 def servo(
     look: Look,
     move: Move,
-    score_inputs: ScoreInputs,
+    scorer: GraspScorer,
     method: ServoMethod,
     *,
     settings: ServoSettings,
@@ -87,13 +85,16 @@ def servo(
 
     Returns:
         The trace; its last step's pose is the grasp pose unless the best pose seen was an earlier one.
+
+    Raises:
+        ScoreError: A score is not in [0, 1]. The gripper stays where it then is, and nothing is to be grasped.
     """
     optimiser = method.begin()
     steps: list[ServoStep] = []
     for remaining in range(method.max_steps, -1, -1):
         view, pose = look()
         started = time.perf_counter()
-        objective = Objective(view, score_inputs, settings.grid)
+        objective = Objective(view, scorer)
         score = objective.score_here()
         proposal = None
         if score < settings.threshold and remaining:
@@ -124,7 +125,7 @@ def _record(
         score=score,
         proposal=proposal,
         predicted=float(objective(proposal.step[None])[0]) if proposal else score,
-        inputs=objective.inputs(torch.zeros(1, 3))[0],
+        inputs=objective.inputs_here(),
         compute_s=compute_s,
     )
 

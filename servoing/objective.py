@@ -2,36 +2,44 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
-import torch
 from torch import Tensor
 
-from handsight.servoing.homography import InputGrid, predict_inputs
+from handsight.servoing.homography import predict_inputs
 from handsight.servoing.prepared_view import PreparedView
+from handsight.servoing.scorer import GraspScorer
+from handsight.servoing.scores import check_scores
 from handsight.servoing.view import View
-
-ScoreInputs = Callable[[Tensor], Tensor]
-"""A Grasp Quality Network: inputs (B, 4, size, size) to success metrics S in [0, 1], (B,)."""
 
 
 class Objective:
     """S(dp) = Q(f(I_p, dp)) for one picture I_p."""
 
-    def __init__(self, view: View, score_inputs: ScoreInputs, grid: InputGrid) -> None:
+    def __init__(self, view: View, scorer: GraspScorer) -> None:
         """Prepare ``view`` once; every call then costs one resampling and one network pass for the whole batch."""
-        self._prepared = PreparedView.from_view(view, pixels_per_cell=grid.pixels_per_cell)
-        self._score_inputs = score_inputs
-        self._grid = grid
+        self._prepared = PreparedView.from_view(view, pixels_per_cell=scorer.grid.pixels_per_cell)
+        self._scorer = scorer
+        self._no_step = self._prepared.channels.new_zeros(1, 3)
 
     def __call__(self, steps: Tensor) -> Tensor:
-        """Predicted success of every step (dx [m], dy [m], dangle [rad]). (B, 3) -> (B,)."""
-        return self._score_inputs(self.inputs(steps))
+        """Predicted success of every step (dx [m], dy [m], dangle [rad]). (B, 3) -> (B,).
+
+        Steps that require a gradient get one.
+
+        Raises:
+            ScoreError: A score is not in [0, 1], so that no step can be chosen by it.
+        """
+        scores = self._scorer(self.inputs(steps))
+        check_scores(scores.numpy(force=True), len(steps))
+        return scores
 
     def inputs(self, steps: Tensor) -> Tensor:
         """The predicted pictures themselves. (B, 3) -> (B, 4, size, size)."""
-        return predict_inputs(self._prepared, steps, grid=self._grid)
+        return predict_inputs(self._prepared, steps, grid=self._scorer.grid)
+
+    def inputs_here(self) -> Tensor:
+        """The network's input without moving. Shape (4, size, size)."""
+        return self.inputs(self._no_step)[0]
 
     def score_here(self) -> float:
         """S_0: predicted success of grasping without moving."""
-        return float(self(torch.zeros(1, 3))[0])
+        return float(self(self._no_step)[0])

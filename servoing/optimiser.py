@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Protocol
+from dataclasses import Field, asdict, dataclass
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 from torch import Tensor
@@ -37,7 +37,9 @@ class Optimiser(Protocol):
 
 
 class Method(Protocol):
-    """Settings of a servo method; begins a fresh optimiser for every servo run."""
+    """Settings of a servo method, as a dataclass; begins a fresh optimiser for every servo run."""
+
+    __dataclass_fields__: ClassVar[dict[str, Field[Any]]]
 
     @property
     def max_steps(self) -> int:
@@ -64,6 +66,12 @@ class ServoMethod:
     def max_steps(self) -> int:
         """Moves after which the best pose seen is grasped."""
         return 0 if self.settings is None else self.settings.max_steps
+
+    def to_json(self) -> dict[str, Any]:
+        """Everything that decides its steps beside the view, the network and the random stream, as JSON values."""
+        if self.settings is None:
+            return {"name": self.name, "optimiser": None, "settings": {}}
+        return {"name": self.name, "optimiser": type(self.settings).__name__, "settings": asdict(self.settings)}
 
     def begin(self) -> Optimiser:
         """An optimiser that has seen nothing yet.

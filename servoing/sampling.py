@@ -37,9 +37,9 @@ class StepRange:
 def gaussian_steps(count: int, deviation: Tensor, rng: np.random.Generator) -> Tensor:
     """Normally distributed steps with the given standard deviations, cut at two of them. (3,) -> (count, 3)."""
     unit = torch.from_numpy(rng.standard_normal((count, 3)).astype(np.float32))
-    return unit.clamp(-2, 2) * deviation
+    return unit.clamp(-2, 2).to(deviation) * deviation
 
 
 def uniform_steps(count: int, half_width: Tensor, rng: np.random.Generator) -> Tensor:
     """Uniformly distributed steps within +-half_width. (3,) -> (count, 3)."""
-    return torch.from_numpy(rng.uniform(-1, 1, (count, 3)).astype(np.float32)) * half_width
+    return torch.from_numpy(rng.uniform(-1, 1, (count, 3)).astype(np.float32)).to(half_width) * half_width

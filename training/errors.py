@@ -4,6 +4,7 @@ TrainingError
 ├── NetworkSettingsError (ValueError)   a network that cannot be built
 ├── TrainerSettingsError (ValueError)   training settings out of range
 ├── TrainingDataError (ValueError)      a dataset from which nothing can be learnt
+├── DivergedError (ArithmeticError)     training that ended in numbers that are none
 └── CheckpointError (ValueError)        a run folder that holds no usable checkpoint
 """
 
@@ -22,6 +23,10 @@ class TrainerSettingsError(TrainingError, ValueError):
 
 class TrainingDataError(TrainingError, ValueError):
     """A dataset from which nothing can be learnt."""
+
+
+class DivergedError(TrainingError, ArithmeticError):
+    """Training ended in numbers that are none."""
 
 
 class CheckpointError(TrainingError, ValueError):

@@ -6,12 +6,15 @@ these come to 0.19 M parameters, so that 64 candidate poses take about ten milli
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, Self
 
 import torch
 from torch import Tensor, nn
 
+from handsight.servoing.homography import InputGrid
 from handsight.training.errors import NetworkSettingsError
 
 CHANNEL_SETS = {"rgbd": (0, 1, 2, 3), "rgb": (0, 1, 2), "depth": (3,)}
@@ -20,6 +23,10 @@ CHANNEL_SETS = {"rgbd": (0, 1, 2, 3), "rgb": (0, 1, 2), "depth": (3,)}
 # Fixed normalisation: colours centred, heights of graspable things brought to order one. Statistics of a dataset would
 # make a checkpoint depend on data that it does not name.
 _COLOUR_CENTRE, _COLOUR_SCALE, _HEIGHT_SCALE_M = 0.5, 0.25, 0.03
+
+MOST_LAYERS, WIDEST, LARGEST_KERNEL, LARGEST_INPUT_PX = 8, 4096, 31, 512
+"""Largest networks that are built: a size that is off by some digits is refused before memory is asked for."""
+MOST_PARAMETERS = 50_000_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,14 +46,43 @@ class GqnConfig:
         faults = []
         if self.channels not in CHANNEL_SETS:
             faults.append(f"channels is {self.channels!r}, expected one of: {', '.join(CHANNEL_SETS)}")
+        faults += _list_faults("widths", self.widths, most=WIDEST)
+        faults += _list_faults("kernels", self.kernels, most=LARGEST_KERNEL)
+        faults += _list_faults("dense", self.dense, most=WIDEST)
         if not self.widths or len(self.widths) != len(self.kernels):
             faults.append(f"{len(self.widths)} widths and {len(self.kernels)} kernels, expected as many of each")
-        if any(kernel % 2 == 0 for kernel in self.kernels):
+        if len(self.kernels) <= MOST_LAYERS and any(kernel % 2 == 0 for kernel in self.kernels if _is_whole(kernel)):
             faults.append(f"kernels are {self.kernels}, expected odd sizes")
-        if self.size_px % 2 ** len(self.widths):
+        if not (_is_whole(self.size_px) and 1 <= self.size_px <= LARGEST_INPUT_PX):
+            faults.append(f"size_px is {self.size_px!r}, expected a whole number of 1 to {LARGEST_INPUT_PX}")
+        elif len(self.widths) <= MOST_LAYERS and self.size_px % 2 ** len(self.widths):
             faults.append(f"size_px is {self.size_px}, expected a multiple of {2 ** len(self.widths)}")
+        if not faults and self.parameters > MOST_PARAMETERS:
+            faults.append(f"the network has {self.parameters} parameters, expected at most {MOST_PARAMETERS}")
         if faults:
             raise NetworkSettingsError("; ".join(faults))
+
+    @property
+    def shapes(self) -> dict[str, tuple[int, ...]]:
+        """What the network learns and keeps, by the names that it is stored under, known before it is built."""
+        shapes: dict[str, tuple[int, ...]] = {}
+        width = len(CHANNEL_SETS[self.channels])
+        for at, (next_width, kernel) in enumerate(zip(self.widths, self.kernels, strict=True)):
+            convolution, norm = f"features.{3 * at}", f"features.{3 * at + 1}"
+            shapes[f"{convolution}.weight"] = (next_width, width, kernel, kernel)
+            shapes |= {f"{norm}.{part}": (next_width,) for part in ("weight", "bias", "running_mean", "running_var")}
+            shapes[f"{norm}.num_batches_tracked"] = ()
+            width = next_width
+        width *= (self.size_px // 2 ** len(self.widths)) ** 2
+        for at, next_width in enumerate((*self.dense, 1)):
+            shapes |= {f"head.{2 * at + 1}.weight": (next_width, width), f"head.{2 * at + 1}.bias": (next_width,)}
+            width = next_width
+        return shapes
+
+    @property
+    def parameters(self) -> int:
+        """How many numbers the network learns."""
+        return sum(math.prod(shape) for name, shape in self.shapes.items() if name.endswith(("weight", "bias")))
 
     def to_json(self) -> dict[str, Any]:
         """As JSON values."""
@@ -65,6 +101,18 @@ class GqnConfig:
             name: tuple(value) if isinstance(value, list) else value for name, value in values.items()
         }
         return cls(**settings)
+
+
+def _is_whole(value: object) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool)
+
+
+def _list_faults(name: str, sizes: Sequence[int], *, most: int) -> list[str]:
+    if len(sizes) > MOST_LAYERS:
+        return [f"there are {len(sizes)} {name}, expected at most {MOST_LAYERS}"]
+    if not all(_is_whole(size) and 1 <= size <= most for size in sizes):
+        return [f"{name} are {sizes}, expected whole numbers of 1 to {most}"]
+    return []
 
 
 class GraspQualityNetwork(nn.Module):
@@ -115,11 +163,25 @@ def _lecun(layer: nn.Linear) -> nn.Linear:
 class Scorer:
     """A trained network as the servo loop wants it: inputs in, success metrics S in [0, 1] out."""
 
-    def __init__(self, network: GraspQualityNetwork) -> None:
-        """Switch ``network`` to inference."""
+    def __init__(self, network: GraspQualityNetwork, grid: InputGrid) -> None:
+        """Switch ``network`` to inference.
+
+        Args:
+            network: The network.
+            grid: Crop and size of the inputs that it was trained on.
+
+        Raises:
+            NetworkSettingsError: The network reads pictures of another size.
+        """
+        if grid.size_px != network.config.size_px:
+            raise NetworkSettingsError(
+                f"the grid makes inputs of {grid.size_px} px, expected {network.config.size_px} px, which the network "
+                "reads"
+            )
         self._network = network.eval()
+        self.grid = grid
 
     def __call__(self, inputs: Tensor) -> Tensor:
-        """(B, 4, size, size) -> (B,)."""
-        with torch.inference_mode():
+        """(B, 4, size, size) -> (B,). Gradients reach inputs that require them; otherwise nothing is kept for them."""
+        with torch.set_grad_enabled(torch.is_grad_enabled() and inputs.requires_grad):
             return torch.sigmoid(self._network(inputs))

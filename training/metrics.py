@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
+from handsight.servoing.scores import check_scores
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Metrics:
@@ -23,7 +25,12 @@ class Metrics:
 
 
 def evaluate_scores(scores: NDArray[np.float32], labels: NDArray[np.float32]) -> Metrics:
-    """Compare predicted success in [0, 1], shape (N,), with labels 0 or 1, shape (N,)."""
+    """Compare predicted success in [0, 1], shape (N,), with labels 0 or 1, shape (N,).
+
+    Raises:
+        ScoreError: There is not one score for each label, or some are not in [0, 1].
+    """
+    check_scores(scores, len(labels))
     good = labels > 0.5
     clipped = np.clip(scores.astype(np.float64), 1e-7, 1 - 1e-7)
     loss = -float(np.where(good, np.log(clipped), np.log1p(-clipped)).mean()) if len(labels) else None

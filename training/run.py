@@ -9,19 +9,22 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Self
 
-from safetensors import SafetensorError
-from safetensors.torch import load_file, save_file
-
 from handsight import __version__
 from handsight.datasets.atomic import atomic_file
 from handsight.servoing.homography import InputGrid
-from handsight.training.errors import CheckpointError
-from handsight.training.gqn import GqnConfig, GraspQualityNetwork, Scorer
-from handsight.training.run_folder import RUN_RECORD, check_finished_run, check_run_folder
+from handsight.training.errors import NetworkSettingsError
+from handsight.training.gqn import GraspQualityNetwork, Scorer
+from handsight.training.run_folder import (
+    NEXT_WEIGHTS,
+    RUN_RECORD,
+    WEIGHTS,
+    check_finished_run,
+    check_run_folder,
+    remove_unfinished,
+)
+from handsight.training.run_record import RUN_VERSION, WEIGHTS_SHA256, read_record, sealed
 from handsight.training.trainer import Epoch, TrainSettings
-
-RUN_VERSION = 1
-WEIGHTS = "model.safetensors"
+from handsight.training.weights import read_weights, write_next_weights
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,12 +61,14 @@ class TrainedRun:
     network: GraspQualityNetwork
     origin: DataOrigin
     grid: InputGrid
+    weights_sha256: str
+    """Of the file of weights: which network it is, whatever its folder is called."""
     record: dict[str, Any]
     """The whole ``run.json``."""
 
     def scorer(self) -> Scorer:
         """The network as the servo loop wants it."""
-        return Scorer(self.network)
+        return Scorer(self.network, self.grid)
 
 
 def save_run(
@@ -74,36 +79,66 @@ def save_run(
     grid: InputGrid,
     settings: TrainSettings,
     history: Sequence[Epoch],
+    overwrite: bool = False,
 ) -> None:
-    """Write weights and record; the record comes last, so a folder with a record is complete."""
-    check_run_folder(folder)
+    """Write weights and record, so that at any moment the folder holds the old run or the new one, whole.
+
+    The weights are written under another name, and then the record, which names them by their hash: from there on the
+    folder holds the new run. Last the weights take their usual name.
+
+    Args:
+        folder: Where to; made where it is missing.
+        network: What was trained.
+        origin: What it was trained on.
+        grid: Crop and size of its inputs.
+        settings: How it was trained.
+        history: How the training went.
+        overwrite: Whether to replace a run that is there.
+
+    Raises:
+        CheckpointError: The folder holds a run, and ``overwrite`` is not set; or other things.
+        NetworkSettingsError: The network is not that of the settings, or reads inputs of another size.
+        OSError: The disk is full or not writable.
+    """
+    check_run_folder(folder, overwrite=overwrite)
+    if network.config != settings.network or network.config.size_px != grid.size_px:
+        raise NetworkSettingsError(
+            f"the network is {network.config}, the settings have {settings.network} and inputs {grid.size_px} px, "
+            "expected that they agree"
+        )
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / RUN_RECORD).unlink(missing_ok=True)
-    save_file(network.state_dict(), folder / WEIGHTS)
-    record = _record(network, origin, grid, settings, history)
-    with atomic_file(folder / RUN_RECORD) as unfinished:
-        unfinished.write_text(json.dumps(record, indent=2) + "\n", encoding="utf-8")
+    weights_sha256 = write_next_weights(folder, network)
+    record = sealed(
+        {**_record(network, origin, grid, settings, history), WEIGHTS_SHA256: weights_sha256},
+    )
+    with atomic_file(folder / RUN_RECORD, durable=True) as unfinished:
+        unfinished.write_text(json.dumps(record, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+    (folder / NEXT_WEIGHTS).replace(folder / WEIGHTS)
+    remove_unfinished(folder)
 
 
 def load_run(folder: str | Path) -> TrainedRun:
     """Load a run.
 
     Raises:
-        CheckpointError: The folder is missing, is no run, or is damaged or newer than this handsight.
+        CheckpointError: The folder is missing, is no run, or is newer than this handsight; or its files are damaged,
+            or not of one run.
+        OSError: A file cannot be read.
     """
     folder = Path(folder)
     check_finished_run(folder)
-    try:
-        record = json.loads((folder / RUN_RECORD).read_text(encoding="utf-8"))
-        _check_version(folder, record["run_version"])
-        config, origin, grid = _from_record(record)
-        network = GraspQualityNetwork(config)
-        network.load_state_dict(load_file(folder / WEIGHTS))
-    except CheckpointError:
-        raise
-    except (OSError, KeyError, TypeError, ValueError, RuntimeError, SafetensorError) as error:
-        raise CheckpointError(f"{folder} is damaged ({error}): train again, or restore it from a copy") from error
-    return TrainedRun(network=network.eval(), origin=origin, grid=grid, record=record)
+    record, config, grid = read_record(folder / RUN_RECORD)
+    tensors, weights_sha256 = read_weights(folder, config, record.get(WEIGHTS_SHA256))
+    network = GraspQualityNetwork(config)
+    network.load_state_dict(tensors)
+    return TrainedRun(
+        # Nobody trains it further, and a gradient that is asked for its inputs need not be computed for its weights.
+        network=network.eval().requires_grad_(False),
+        origin=DataOrigin.from_json(record["origin"]),
+        grid=grid,
+        weights_sha256=weights_sha256,
+        record=record,
+    )
 
 
 def load_scorer(folder: str | Path) -> Scorer:
@@ -118,7 +153,7 @@ def _record(
     settings: TrainSettings,
     history: Sequence[Epoch],
 ) -> dict[str, Any]:
-    """``run.json``; what of it a reader needs, :func:`_from_record` takes out again."""
+    """``run.json`` but for its hashes."""
     return {
         "run_version": RUN_VERSION,
         "handsight": __version__,
@@ -129,16 +164,3 @@ def _record(
         "parameters": sum(parameter.numel() for parameter in network.parameters()),
         "history": [asdict(epoch) for epoch in history],
     }
-
-
-def _from_record(record: dict[str, Any]) -> tuple[GqnConfig, DataOrigin, InputGrid]:
-    config = GqnConfig.from_json(record["settings"]["network"])
-    return config, DataOrigin.from_json(record["origin"]), InputGrid(**record["grid"])
-
-
-def _check_version(folder: Path, version: int) -> None:
-    if version > RUN_VERSION:
-        raise CheckpointError(
-            f"{folder} was written by a newer handsight (run version {version}, this one reads up to {RUN_VERSION}): "
-            "upgrade handsight"
-        )

@@ -2,24 +2,53 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 from handsight.training.errors import CheckpointError
 
 RUN_RECORD = "run.json"
-"""Written last: a folder that has it is complete."""
+"""A folder that has it is complete: it is written after the weights, and names them by their hash."""
+WEIGHTS = "model.safetensors"
+NEXT_WEIGHTS = "model.next.safetensors"
+"""Weights that a new record may name already, until they take the place of the old ones."""
+
+_OWN = (RUN_RECORD, WEIGHTS, NEXT_WEIGHTS)
+_NAMES_LISTED = 3
 
 
-def check_run_folder(folder: Path) -> None:
+def check_run_folder(folder: Path, *, overwrite: bool = False) -> None:
     """Refuse a place where a run cannot be written, before hours are spent on training.
 
+    Args:
+        folder: Where the run is to be.
+        overwrite: Whether a run that is there may be replaced. Other things never are.
+
     Raises:
-        CheckpointError: A file is in the way, or the folder holds other things.
+        CheckpointError: A file is in the way, the folder holds a run or other things, or it cannot be written to.
     """
-    if folder.is_file():
+    if folder.is_symlink() and not folder.exists():
+        raise CheckpointError(
+            f"{folder} is a link to {folder.readlink()}, which does not exist: create that folder, or choose another "
+            "--out"
+        )
+    if folder.exists() and not folder.is_dir():
         raise CheckpointError(f"{folder} is a file, expected a new folder for the run: choose another --out")
-    if folder.is_dir() and any(folder.iterdir()) and not (folder / RUN_RECORD).exists():
-        raise CheckpointError(f"{folder} holds other files, expected a new or empty folder: choose another --out")
+    _check_writable(folder)
+    held = sorted(path.name for path in folder.iterdir()) if folder.is_dir() else []
+    foreign = [name for name in held if name not in _OWN and not _is_unfinished(name)]
+    if foreign:
+        more = f" and {len(foreign) - _NAMES_LISTED} more" if len(foreign) > _NAMES_LISTED else ""
+        raise CheckpointError(
+            f"{folder} holds other files ({', '.join(foreign[:_NAMES_LISTED])}{more}), expected a new or empty folder: "
+            "choose another --out"
+        )
+    if not overwrite and any(name in _OWN for name in held):
+        what = "a run" if RUN_RECORD in held else "a run that is not complete"
+        raise CheckpointError(
+            f"{folder} holds {what} already, expected a new or empty folder: choose another --out, or replace it with "
+            "--overwrite"
+        )
 
 
 def check_finished_run(folder: Path) -> None:
@@ -31,3 +60,23 @@ def check_finished_run(folder: Path) -> None:
     if not (folder / RUN_RECORD).is_file():
         what = "holds no finished run" if folder.is_dir() else "is no folder"
         raise CheckpointError(f"{folder} {what} ({RUN_RECORD} is missing): train one with 'handsight train'")
+
+
+def remove_unfinished(folder: Path) -> None:
+    """Remove what a process that was killed while it saved a run has left behind."""
+    for path in folder.iterdir():
+        if _is_unfinished(path.name):
+            path.unlink(missing_ok=True)
+
+
+def _is_unfinished(name: str) -> bool:
+    return name.startswith((".run.unfinished-", ".model.next.unfinished-"))
+
+
+def _check_writable(folder: Path) -> None:
+    """The folder, or the nearest one above it that exists, in which it will be made."""
+    existing = next(path for path in (folder, *folder.absolute().parents) if path.exists())
+    if not existing.is_dir():
+        raise CheckpointError(f"{existing} is a file, and {folder} would lie in it: choose another --out")
+    if not os.access(existing, os.W_OK | os.X_OK):
+        raise CheckpointError(f"{existing} is not writable, and the run would be made there: choose another --out")

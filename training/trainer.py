@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -16,9 +17,9 @@ from handsight.datasets.inputs.augmentation import FLIPS, Jitter, flipped
 from handsight.datasets.inputs.loader import GraspLoader
 from handsight.datasets.inputs.materialize import GraspInputs
 from handsight.datasets.inputs.torch_dataset import FlippedGrasps
-from handsight.servoing.objective import ScoreInputs
-from handsight.training.errors import TrainerSettingsError, TrainingDataError
-from handsight.training.gqn import GqnConfig, GraspQualityNetwork, Scorer
+from handsight.servoing.scores import check_scores
+from handsight.training.errors import DivergedError, TrainerSettingsError, TrainingDataError
+from handsight.training.gqn import GqnConfig, GraspQualityNetwork
 from handsight.training.metrics import Metrics, evaluate_scores
 
 SCORE_BATCH = 512
@@ -84,6 +85,7 @@ def train(
 
     Raises:
         TrainingDataError: One class is missing, so there is nothing to tell apart.
+        DivergedError: The loss of a pass is no number.
     """
     labels = data.labels
     used = np.arange(len(labels)) if rows is None else rows
@@ -101,6 +103,7 @@ def train(
     history = []
     for number in range(1, settings.epochs + 1):
         train_loss = passes.run_one()
+        _check_loss(train_loss, number, settings)
         metrics = evaluate_scores(predict(network, data.inputs, torch.from_numpy(held_out)), labels[held_out])
         history.append(Epoch(number=number, train_loss=train_loss, held_out=metrics))
         if on_epoch is not None:
@@ -113,6 +116,14 @@ def _check_labels(labels: NDArray[np.float32]) -> None:
     if positives in (0, len(labels)):
         raise TrainingDataError(
             f"{positives} of {counted(len(labels), 'attempt')} are successes, expected some of both: collect more"
+        )
+
+
+def _check_loss(loss: float, epoch: int, settings: TrainSettings) -> None:
+    if not math.isfinite(loss):
+        raise DivergedError(
+            f"the loss is {loss} in epoch {epoch}, expected a number: lower the learning rate, which is "
+            f"{settings.learning_rate}, or look for damaged inputs with 'handsight dataset verify'"
         )
 
 
@@ -168,25 +179,33 @@ class _Passes:
 
 
 def predict(network: GraspQualityNetwork, inputs: NDArray[np.float16], rows: Tensor) -> NDArray[np.float32]:
-    """Predicted success of some rows of materialized inputs. Shape (len(rows),)."""
-    return _scores(Scorer(network), inputs, rows)
+    """Predicted success of some rows of materialized inputs. Shape (len(rows),).
+
+    Raises:
+        ScoreError: A score is not in [0, 1].
+    """
+    network.eval()
+    return _scores(lambda batch: torch.sigmoid(network(batch)), inputs, rows)
 
 
 def predict_with_flips(network: GraspQualityNetwork, inputs: NDArray[np.float16], rows: Tensor) -> NDArray[np.float32]:
     """As :func:`predict`, with test-time augmentation: the mean over the four flips of each input."""
-    score = Scorer(network)
+    network.eval()
 
     def mean_over_flips(batch: Tensor) -> Tensor:
-        flips = [score(flipped(batch, torch.full((len(batch),), which))) for which in range(FLIPS)]
+        flips = [torch.sigmoid(network(flipped(batch, torch.full((len(batch),), which)))) for which in range(FLIPS)]
         return torch.stack(flips).mean(dim=0)
 
     return _scores(mean_over_flips, inputs, rows)
 
 
-def _scores(score: ScoreInputs, inputs: NDArray[np.float16], rows: Tensor) -> NDArray[np.float32]:
+def _scores(score: Callable[[Tensor], Tensor], inputs: NDArray[np.float16], rows: Tensor) -> NDArray[np.float32]:
     """What ``score`` makes of the rows, a batch at a time. Shape (len(rows),)."""
-    batches = [score(_read(inputs, batch)) for batch in rows.split(SCORE_BATCH) if len(batch)]
-    return torch.cat(batches).numpy() if batches else np.empty(0, np.float32)
+    with torch.inference_mode():
+        batches = [score(_read(inputs, batch)) for batch in rows.split(SCORE_BATCH) if len(batch)]
+    scores = torch.cat(batches).numpy() if batches else np.empty(0, np.float32)
+    check_scores(scores, len(rows))
+    return scores
 
 
 def _read(inputs: NDArray[np.float16], rows: Tensor) -> Tensor:

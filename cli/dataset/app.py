@@ -200,7 +200,7 @@ COMMANDS = (
         "materialize",
         "dataset.exchange:materialize_command",
         "Make the network inputs of a version.",
-        ("handsight dataset materialize grasps@v1 --viewpoint overhead --size 64",),
+        ("handsight dataset materialize grasps@v1 --size 64",),
     ),
 )
 

@@ -12,6 +12,7 @@ from handsight.cli.opening import checked_address, open_repository, open_version
 from handsight.cli.options import Dataset, DryRun, Json, TargetBranch
 from handsight.cli.output import console, print_json, progress_bar
 from handsight.datasets.errors import counted
+from handsight.datasets.inputs.viewpoint import DEFAULT_VIEWPOINT
 
 if TYPE_CHECKING:
     # These take a second to import; a command does so once its dataset is known to be there.
@@ -110,7 +111,7 @@ def materialize_command(
     dataset: Dataset,
     viewpoint: Annotated[
         Literal["overhead", "pregrasp"], typer.Option(help="Picture that is warped to the grasp.")
-    ] = "pregrasp",
+    ] = DEFAULT_VIEWPOINT,
     size_px: Annotated[int, typer.Option("--size", help="Side of the inputs [px].")] = 64,
     as_json: Json = False,
 ) -> None:

@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 from handsight.cli.errors import EXPECTED, CommandError
 from handsight.cli.output import progress_bar
 from handsight.datasets.inputs.materialize import GraspInputs, materialize
+from handsight.datasets.inputs.viewpoint import DEFAULT_VIEWPOINT
 from handsight.datasets.reading.reader import GraspDataset
 from handsight.datasets.records import RgbdFrame
 from handsight.datasets.views import station_view
 from handsight.evaluation.label_issues import LabelIssue, LabelReview, rank_label_issues
-from handsight.evaluation.label_review import VIEWPOINT, ReviewPlan, collect_faults, curation_commands, plan_review
+from handsight.evaluation.label_review import ReviewPlan, collect_faults, curation_commands, plan_review
 from handsight.servoing.homography import InputGrid
 from handsight.servoing.planar import PlanarPose
 from handsight.training.cross_validation import out_of_fold_scores
@@ -50,7 +51,7 @@ def review_labels(dataset: GraspDataset, plan: ReviewPlan, count: int) -> tuple[
     """Train and rank behind progress bars; returns what was judged, and at most ``count`` issues of those listed."""
     grid = InputGrid(size_px=plan.settings.network.size_px)
     with progress_bar("warp", len(plan.listed)) as bar:
-        data = materialize(dataset, viewpoint=VIEWPOINT, grid=grid, on_attempt=bar.advance)
+        data = materialize(dataset, viewpoint=DEFAULT_VIEWPOINT, grid=grid, on_attempt=bar.advance)
     scores = _scores(data, plan)
     return data, rank_label_issues(data.attempts, scores, listed=plan.listed, count=count)
 
@@ -73,7 +74,7 @@ def write_review(path: Path, dataset: GraspDataset, data: GraspInputs, issues: S
     positions = data.attempts.index.get_indexer(pd.Index([issue.attempt for issue in issues]))
     examples = []
     with progress_bar("record", len(issues)) as bar:
-        frames = dataset.frames(VIEWPOINT, [issue.attempt for issue in issues])
+        frames = dataset.frames(DEFAULT_VIEWPOINT, [issue.attempt for issue in issues])
         for issue, position, (_, frame) in zip(issues, positions, frames, strict=True):
             row, inputs = data.attempts.iloc[position], data.inputs[position]
             examples.append(_example(dataset, issue, row, frame, inputs))

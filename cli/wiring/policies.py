@@ -5,8 +5,7 @@ PyTorch takes seconds to import: only the servo policy needs it, and only once i
 
 from __future__ import annotations
 
-import hashlib
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,7 +15,9 @@ from handsight.training.run_folder import check_finished_run
 
 if TYPE_CHECKING:
     from handsight.collection.policy import PregraspPolicy
-    from handsight.servoing.objective import ScoreInputs
+    from handsight.servoing.homography import InputGrid
+    from handsight.servoing.optimiser import ServoMethod
+    from handsight.servoing.scorer import GraspScorer
 
 DEFAULT_RANDOM_SHARE = 0.3
 
@@ -28,19 +29,28 @@ class RunNetwork:
     folder: Path
     sha256: str
     """Of its weights."""
+    grid: InputGrid
+    """Crop and size of its inputs."""
 
-    def __call__(self) -> ScoreInputs:
+    def __call__(self) -> GraspScorer:
         """Load it, on one thread: several workers with several threads would only wait for each other.
 
         Raises:
             CheckpointError: The run is gone or damaged.
+            CommandError: Another run has taken its place meanwhile.
         """
         import torch
 
-        from handsight.training.run import load_scorer
-
         torch.set_num_threads(1)
-        return load_scorer(self.folder)
+        from handsight.training.run import load_run
+
+        run = load_run(self.folder)
+        if (run.weights_sha256, run.grid) != (self.sha256, self.grid):
+            raise CommandError(
+                f"{self.folder} holds another network (weights {run.weights_sha256[:12]}…) than when this began "
+                f"({self.sha256[:12]}…): leave a run in its place while it is used, and begin again"
+            )
+        return run.scorer()
 
 
 def policy_named(
@@ -68,15 +78,13 @@ def policy_named(
     from handsight.collection.servo_policy import ServoPolicy
     from handsight.servoing.loop import ServoSettings
     from handsight.servoing.methods.registry import servo_method
-    from handsight.training.run import load_run
 
     servoing = servo_method(DEFAULT_METHOD if method is None else method)
-    run = load_run(model)
     return ServoPolicy(
         open_network=_network(model),
         method=servoing,
         random_share=DEFAULT_RANDOM_SHARE if random_share is None else random_share,
-        servo=ServoSettings(grid=run.grid, **({} if threshold is None else {"threshold": threshold})),
+        servo=ServoSettings(**({} if threshold is None else {"threshold": threshold})),
     )
 
 
@@ -95,11 +103,10 @@ def recorded_policy(settings: dict[str, Any], model: Path | None) -> PregraspPol
     if settings.get("name") != "servo" or model is None:
         return None
     from handsight.collection.servo_policy import ServoPolicy
-    from handsight.servoing.homography import InputGrid
     from handsight.servoing.loop import ServoSettings
-    from handsight.servoing.methods.registry import METHODS
 
-    if rest["method"] not in METHODS:
+    method = _recorded_method(rest)
+    if method is None:
         return None
     network = _network(model)
     if network.sha256 != rest["weights_sha256"]:
@@ -108,16 +115,33 @@ def recorded_policy(settings: dict[str, Any], model: Path | None) -> PregraspPol
             f"{rest['weights_sha256'][:12]}…: name the run that collected it"
         )
     servo = rest["servo"]
+    # Older sessions have the grid among the settings of the loop.
+    grid = rest["grid"] if "grid" in rest else servo["grid"]
+    if asdict(network.grid) != grid:
+        raise CommandError(
+            f"{model} has inputs {asdict(network.grid)}, and the session was collected with {grid}: name the run that "
+            "collected it"
+        )
     return ServoPolicy(
         open_network=network,
-        method=METHODS[rest["method"]],
+        method=method,
         random_share=rest["random_share"],
         start=UniformPolicy(half_range_m=rest["half_range_m"]),
-        servo=ServoSettings(threshold=servo["threshold"], grid=InputGrid(**servo["grid"])),
+        servo=ServoSettings(threshold=servo["threshold"]),
     )
 
 
-def _network(model: Path) -> RunNetwork:
-    from handsight.training.run import WEIGHTS
+def _recorded_method(recorded: dict[str, Any]) -> ServoMethod | None:
+    """The method of a session; older ones have its name alone, and were collected with what the registry has of it."""
+    from handsight.servoing.methods.registry import METHODS, recorded_method
 
-    return RunNetwork(model.resolve(), hashlib.sha256((model / WEIGHTS).read_bytes()).hexdigest())
+    if "method_settings" not in recorded:
+        return METHODS.get(recorded["method"])
+    return recorded_method(recorded["method"], recorded["optimiser"], recorded["method_settings"])
+
+
+def _network(model: Path) -> RunNetwork:
+    from handsight.training.run import load_run
+
+    run = load_run(model)
+    return RunNetwork(model.resolve(), run.weights_sha256, run.grid)

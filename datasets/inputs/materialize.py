@@ -2,7 +2,8 @@
 
 A dataset stores what the camera saw. What the network reads is derived from it: the frame from one viewpoint, warped
 to the pre-grasp pose at which the fixed grasp policy started (section III-B). The cache is keyed by snapshot and
-transform, so it can be deleted at any time and never goes stale: curation and folds are part of the snapshot.
+transform, so it can be deleted at any time and never goes stale: curation and folds are part of the snapshot. It is
+checked whenever it is opened, and made again where it is damaged.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -21,10 +23,11 @@ import pandas as pd
 import torch
 from numpy.typing import NDArray
 
-from handsight.datasets.atomic import atomic_file
 from handsight.datasets.errors import NoTrainingDataError
 from handsight.datasets.format.decisions import trainable
 from handsight.datasets.format.schema import Viewpoint
+from handsight.datasets.inputs.cache import open_cache, write_cache
+from handsight.datasets.inputs.viewpoint import DEFAULT_VIEWPOINT
 from handsight.datasets.reading.reader import GraspDataset
 from handsight.datasets.records import RgbdFrame, StationSpec
 from handsight.datasets.views import station_view
@@ -62,7 +65,7 @@ class GraspInputs:
 def materialize(
     dataset: GraspDataset,
     *,
-    viewpoint: Viewpoint = "pregrasp",
+    viewpoint: Viewpoint = DEFAULT_VIEWPOINT,
     grid: InputGrid | None = None,
     on_attempt: Callable[[], None] | None = None,
 ) -> GraspInputs:
@@ -70,7 +73,8 @@ def materialize(
 
     Args:
         dataset: The version to read.
-        viewpoint: Which picture to warp to the pre-grasp pose: ``pregrasp`` was taken there, ``overhead`` before.
+        viewpoint: Which picture to warp to the pre-grasp pose: ``overhead`` is in every collection,
+            ``pregrasp`` was taken there, where it was asked for.
         grid: Crop and size of the inputs.
         on_attempt: Called for every input made, not for those found in the cache.
 
@@ -80,11 +84,16 @@ def materialize(
     """
     grid = grid or InputGrid()
     rows = usable_attempts(dataset, viewpoint)
-    path = _cache_path(dataset, viewpoint, grid)
-    if not path.exists():
+    holds = _cache_key(dataset, viewpoint, grid)
+    path = dataset.repository.side_folder / "inputs" / f"{hashlib.sha256(holds.encode()).hexdigest()[:32]}.npy"
+    shape = (len(rows), 4, grid.size_px, grid.size_px)
+    inputs = open_cache(path, holds=holds, shape=shape, dtype=np.float16)
+    if inputs is None:
         path.parent.mkdir(parents=True, exist_ok=True)
-        _write(path, dataset, rows, viewpoint, grid, on_attempt)
-    return GraspInputs(inputs=np.load(path, mmap_mode="r"), attempts=rows)
+        fill = partial(_fill, dataset=dataset, rows=rows, viewpoint=viewpoint, grid=grid, on_attempt=on_attempt)
+        write_cache(path, holds=holds, shape=shape, dtype=np.float16, fill=fill)
+        inputs = np.load(path, mmap_mode="r")
+    return GraspInputs(inputs=inputs, attempts=rows)
 
 
 def usable_attempts(dataset: GraspDataset, viewpoint: Viewpoint) -> pd.DataFrame:
@@ -103,29 +112,24 @@ def usable_attempts(dataset: GraspDataset, viewpoint: Viewpoint) -> pd.DataFrame
     return rows
 
 
-def _cache_path(dataset: GraspDataset, viewpoint: Viewpoint, grid: InputGrid) -> Path:
+def _cache_key(dataset: GraspDataset, viewpoint: Viewpoint, grid: InputGrid) -> str:
     key = {"snapshot": dataset.snapshot_id, "view": viewpoint, "grid": asdict(grid), "version": CACHE_VERSION}
-    digest = hashlib.sha256(json.dumps(key, sort_keys=True).encode()).hexdigest()
-    return dataset.repository.side_folder / "inputs" / f"{digest[:32]}.npy"
+    return json.dumps(key, sort_keys=True)
 
 
-def _write(
-    path: Path,
+def _fill(
+    inputs: NDArray[np.float16],
+    *,
     dataset: GraspDataset,
     rows: pd.DataFrame,
     viewpoint: Viewpoint,
     grid: InputGrid,
     on_attempt: Callable[[], None] | None,
 ) -> None:
-    """A cache file is whole or absent, whoever else writes the same."""
-    shape = (len(rows), 4, grid.size_px, grid.size_px)
-    with atomic_file(path) as unfinished:
-        inputs = np.lib.format.open_memmap(unfinished, mode="w+", dtype=np.float16, shape=shape)
-        for row, made in enumerate(_warped(dataset, rows, viewpoint, grid)):
-            inputs[row] = made
-            if on_attempt is not None:
-                on_attempt()
-        inputs.flush()
+    for row, made in enumerate(_warped(dataset, rows, viewpoint, grid)):
+        inputs[row] = made
+        if on_attempt is not None:
+            on_attempt()
 
 
 def _warped(

@@ -7,6 +7,7 @@ fork and by spawn alike.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -48,21 +49,34 @@ class TorchGrasps(Dataset[Batch]):
 
     def __getstate__(self) -> dict[str, Any]:
         """What a spawned worker gets: the name of the mapped file, not its content."""
-        return {"labels": self._labels, "file": self._file, "inputs": None if self._file else self._inputs}
+        inputs = None if self._file else self._inputs
+        return {"labels": self._labels, "file": self._file, "shape": self._inputs.shape, "inputs": inputs}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Map the file again.
+        """Map the file again. Its bytes were checked when it was opened, and are not for every worker.
 
         Raises:
-            CorruptDataError: It holds another number of inputs than there are labels.
+            CorruptDataError: It does not hold what it held, or another number of inputs than there are labels.
         """
         self._labels, self._file = state["labels"], state["file"]
-        self._inputs = state["inputs"] if state["file"] is None else np.load(state["file"], mmap_mode="r")
-        if len(self._inputs) != len(self._labels):
-            raise CorruptDataError(
-                f"{state['file']} holds {len(self._inputs)} inputs, expected {len(self._labels)}: pickle a dataset "
-                "that was made from all inputs of a version, and choose rows with a sampler"
-            )
+        self._inputs = state["inputs"] if self._file is None else _mapped(self._file, state["shape"])
+
+
+def _mapped(file: Path, shape: tuple[int, ...]) -> NDArray[np.float16]:
+    remedy = "delete it, so that it is made again"
+    try:
+        mapped: NDArray[np.float16] = np.load(file, mmap_mode="r")
+    except ValueError as error:
+        raise CorruptDataError(f"{file} is no array of inputs ({error}): {remedy}") from error
+    if mapped.shape[1:] != shape[1:] or mapped.dtype != np.dtype(np.float16):
+        found = f"{mapped.dtype} of shape {mapped.shape}"
+        raise CorruptDataError(f"{file} holds {found}, expected float16 of shape {shape}: {remedy}")
+    if len(mapped) != shape[0]:
+        raise CorruptDataError(
+            f"{file} holds {len(mapped)} inputs, expected {shape[0]}: pickle a dataset that was made from all inputs "
+            "of a version, and choose rows with a sampler"
+        )
+    return mapped
 
 
 class FlippedGrasps(TorchGrasps):

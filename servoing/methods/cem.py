@@ -47,7 +47,7 @@ class CemOptimiser:
         objects it is none.
         """
         deviation = 0.5 * self.settings.range.scaled(score_here)
-        mean = torch.zeros(3)
+        mean = torch.zeros_like(deviation)
         seen, seen_scores = [], []
         for _ in range(self.settings.iterations):
             steps = mean + gaussian_steps(self.settings.samples, deviation, rng)  # (N, 3)

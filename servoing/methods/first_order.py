@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -26,7 +27,8 @@ class FirstOrder:
     max_steps: int = 20
 
     def __post_init__(self) -> None:
-        if self.samples < 4 or self.learning_rate <= 0 or not 0 <= self.decay < 1 or self.max_steps < 0:
+        sound = math.isfinite(self.learning_rate) and self.learning_rate > 0 and 0 <= self.decay < 1
+        if self.samples < 4 or not sound or self.max_steps < 0:
             raise ServoSettingsError(
                 f"first-order ascent has {self.samples} samples, learning rate {self.learning_rate}, decay "
                 f"{self.decay} and {self.max_steps} steps, expected >= 4, > 0, in [0, 1) and >= 0"
@@ -43,7 +45,7 @@ class FirstOrderOptimiser:
     def __init__(self, settings: FirstOrder) -> None:
         """Start with an empty running mean of squared gradients."""
         self._settings = settings
-        self._mean_square = torch.zeros(3)
+        self._mean_square: Tensor | float = 0.0
         self._taken = 0
 
     def propose(self, score_steps: ScoreSteps, score_here: float, rng: np.random.Generator) -> Proposal:
@@ -72,6 +74,6 @@ def regress_gradient(steps: Tensor, scores: Tensor) -> Tensor:
     nothing and does not trust a single prediction.
     """
     # Double precision: the last bit of a single-precision solution depends on where LAPACK's workspace happens to lie.
-    design = torch.cat([steps, torch.ones(len(steps), 1)], dim=1).double()  # (N, 4)
+    design = torch.cat([steps, steps.new_ones(len(steps), 1)], dim=1).double()  # (N, 4)
     solution: Tensor = torch.linalg.lstsq(design, scores[:, None].double()).solution
     return solution[:3, 0].to(steps.dtype)

@@ -6,8 +6,9 @@ The one place where a method is entered: the command, the figures and the tests 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import is_dataclass, replace
 from types import MappingProxyType
-from typing import Final
+from typing import Any, Final
 
 from handsight.servoing.errors import UnknownMethodError
 from handsight.servoing.methods.cem import Cem
@@ -42,6 +43,30 @@ def servo_method(name: str) -> ServoMethod:
         servoing = ", ".join(other for other, method in METHODS.items() if method.settings is not None)
         raise UnknownMethodError(f"method is {name!r}, which does not servo, expected one of: {servoing}")
     return METHODS[name]
+
+
+def recorded_method(name: str, optimiser: str, settings: Mapping[str, Any]) -> ServoMethod | None:
+    """The method that :meth:`ServoMethod.to_json` gave these of, tuned as it then was.
+
+    Returns:
+        None where there is no such method any more, or it has other settings now.
+
+    Raises:
+        ServoSettingsError: The settings are out of range.
+    """
+    known = METHODS.get(name)
+    now = None if known is None else known.settings
+    if known is None or now is None:
+        return None
+    if type(now).__name__ != optimiser or now.__dataclass_fields__.keys() != settings.keys():
+        return None
+    then = {key: _rebuilt(getattr(now, key), value) for key, value in settings.items()}
+    return replace(known, settings=replace(now, **then))
+
+
+def _rebuilt(known: object, value: Any) -> Any:
+    """A dataclass from the JSON value of one like ``known``."""
+    return replace(known, **value) if is_dataclass(known) and not isinstance(known, type) else value
 
 
 def check_methods(names: Sequence[str]) -> tuple[str, ...]:

@@ -111,6 +111,7 @@ def mistakes(out: Path) -> dict[str, tuple[list[str], str]]:
         "a file for a new dataset": (["collect", "sim", str(out / "results.json"), "-n", "1"], "a file"),
         "a file for the demo": (["demo", "--out", str(out / "results.json")], "a file"),
         "a file for a run": (["train", grasps, "--out", str(out / "results.json")], "is a file"),
+        "a run for a run": (["train", grasps, "--out", str(out / "run")], "replace it with --overwrite"),
         "another folder for a run": (["train", grasps, "--out", grasps], "holds other files"),
         "objects": (["collect", "sim", new, "--objects", "blorks"], "unknown object set 'blorks'"),
         "negative attempts": (["collect", "sim", new, "-n", "-4"], "attempts is -4"),

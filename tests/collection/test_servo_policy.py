@@ -2,24 +2,25 @@
 
 from __future__ import annotations
 
+import json
 import math
 import shutil
 from collections.abc import Iterator
 from contextlib import closing
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import torch
-from safetensors.torch import load_file, save_file
-from torch import Tensor
+from tests.support.scorers import FunctionScorer
 
 from handsight.cli.errors import CommandError
 from handsight.cli.wiring.policies import policy_named, recorded_policy
 from handsight.cli.wiring.resimulate import Resimulator
 from handsight.collection.attempt import attempt_seed, run_attempt
-from handsight.collection.collector import CollectSettings, collect
+from handsight.collection.collector import CollectSettings, collect, session_header
 from handsight.collection.errors import CollectionSettingsError
 from handsight.collection.policy import UniformPolicy
 from handsight.collection.servo_policy import ServoPolicy
@@ -27,24 +28,28 @@ from handsight.collection.sim.config import SimConfig
 from handsight.collection.sim.station import SimStation, SimStationFactory
 from handsight.datasets import GraspDataset, GraspRepository
 from handsight.datasets.format.digest import attempt_digest
+from handsight.datasets.format.header import canonical_json
+from handsight.servoing.errors import ScoreError
 from handsight.servoing.homography import InputGrid
-from handsight.servoing.objective import ScoreInputs
+from handsight.servoing.loop import ServoSettings
+from handsight.servoing.methods.cem import Cem
+from handsight.servoing.sampling import StepRange
+from handsight.servoing.scorer import GraspScorer
 from handsight.training.gqn import GraspQualityNetwork
-from handsight.training.run import WEIGHTS, DataOrigin, save_run
+from handsight.training.run import DataOrigin, load_run, save_run
 from handsight.training.trainer import TrainSettings
 
 
 @dataclass(frozen=True)
-class Eager:
-    """Sure of every grasp: the servo run ends where it began."""
+class Constant:
+    """Gives everything the same score; one that is sure of every grasp ends where it began."""
 
-    sha256: str = "eager"
+    score: float = 0.99
+    sha256: str = "constant"
+    grid: InputGrid = field(default_factory=InputGrid)
 
-    def __call__(self) -> ScoreInputs:
-        def score(inputs: Tensor) -> Tensor:
-            return inputs.new_full((len(inputs),), 0.99)
-
-        return score
+    def __call__(self) -> GraspScorer:
+        return FunctionScorer(lambda inputs: inputs.new_full((len(inputs),), self.score), self.grid)
 
 
 @pytest.fixture(scope="module")
@@ -83,7 +88,7 @@ def test_a_random_share_of_one_is_the_uniform_policy(station: SimStation, policy
 
 def test_a_network_that_is_sure_grasps_where_it_starts(station: SimStation, policy: ServoPolicy) -> None:
     drawn = run_attempt(station, UniformPolicy(), 4, attempt_seed(1, 4))
-    sure = run_attempt(station, replace(policy, open_network=Eager()), 4, attempt_seed(1, 4))
+    sure = run_attempt(station, replace(policy, open_network=Constant()), 4, attempt_seed(1, 4))
     assert sure.predicted_success == pytest.approx(0.99)
     chosen = (sure.pregrasp_x_m, sure.pregrasp_y_m, sure.pregrasp_angle_rad)
     np.testing.assert_allclose(chosen, (drawn.pregrasp_x_m, drawn.pregrasp_y_m, drawn.pregrasp_angle_rad), atol=1e-3)
@@ -126,14 +131,87 @@ def test_a_session_is_the_same_with_any_number_of_workers_and_again(
 
 
 def test_another_network_does_not_repeat_a_session(tmp_path: Path, run: Path, policy: ServoPolicy) -> None:
-    other = shutil.copytree(run, tmp_path / "other")
-    weights = load_file(other / WEIGHTS)
-    save_file({name: tensor + 1 for name, tensor in weights.items()}, other / WEIGHTS)
+    loaded = load_run(run)
+    other, wider = tmp_path / "other", tmp_path / "wider"
+    rest = {"origin": loaded.origin, "settings": TrainSettings(), "history": []}
+    save_run(wider, loaded.network, grid=InputGrid(crop_px=300), **rest)  # type: ignore[arg-type]
+    save_run(other, GraspQualityNetwork(loaded.network.config), grid=loaded.grid, **rest)  # type: ignore[arg-type]
     settings = policy.settings()
     assert isinstance(recorded_policy(settings, run), ServoPolicy)
     assert recorded_policy(settings, run).settings() == settings  # type: ignore[union-attr]
     with pytest.raises(CommandError, match="name the run that collected it"):
         recorded_policy(settings, other)
+    with pytest.raises(CommandError, match="'crop_px': 300"):
+        recorded_policy(settings, wider)
+
+
+def test_a_session_of_a_method_tuned_otherwise_is_repeated_as_it_was(run: Path, policy: ServoPolicy) -> None:
+    tuned = replace(policy, method=replace(policy.method, settings=Cem(samples=32, range=StepRange(x_m=0.02))))
+    again = recorded_policy(json.loads(json.dumps(tuned.settings())), run)
+    assert isinstance(again, ServoPolicy)
+    assert again.method == tuned.method
+    assert again.settings() == tuned.settings()
+    unknown = tuned.settings() | {"method_settings": {"samples": 32}}
+    assert recorded_policy(unknown, run) is None
+
+
+def test_an_older_session_names_its_method_alone_and_has_the_grid_elsewhere(run: Path, policy: ServoPolicy) -> None:
+    settings = policy.settings()
+    older = {name: settings[name] for name in ("name", "method", "weights_sha256", "random_share", "half_range_m")}
+    older["servo"] = {"threshold": 0.95, "grid": {"crop_px": 400, "size_px": 64}}
+    assert recorded_policy(older, run) == policy
+
+
+def test_everything_that_decides_the_poses_is_in_the_configuration(policy: ServoPolicy) -> None:
+    def tuned(**changes: Any) -> ServoPolicy:
+        return replace(policy, method=replace(policy.method, settings=Cem(**changes)))
+
+    def digest(one: ServoPolicy) -> str:
+        settings = CollectSettings(attempts=1, policy=one)
+        return canonical_json(session_header(SimStationFactory(config=SimConfig()), settings).config)
+
+    variants = [
+        policy,
+        tuned(samples=65),
+        tuned(elite=7),
+        tuned(iterations=2),
+        tuned(max_steps=9),
+        tuned(range=StepRange(angle_rad=0.1)),
+        replace(policy, random_share=0.1),
+        replace(policy, start=UniformPolicy(half_range_m=0.1)),
+        replace(policy, servo=ServoSettings(threshold=0.9)),
+        replace(policy, open_network=Constant()),
+        replace(policy, open_network=Constant(grid=InputGrid(crop_px=300))),
+        replace(policy, open_network=Constant(sha256="another")),
+    ]
+    assert len({digest(one) for one in variants}) == len(variants)
+
+
+def test_a_network_whose_scores_are_none_ends_the_session_without_a_grasp(tmp_path: Path, run: Path) -> None:
+    """It would spoil every attempt alike, so it is no failure of one; what was finished before it stays."""
+    loaded, folder = load_run(run), tmp_path / "run"
+    first_dense = loaded.network.get_parameter("head.1.weight")
+    first_dense[::2], first_dense[1::2] = 3e38, -3e38  # The next layer subtracts infinity from infinity.
+    save_run(folder, loaded.network, origin=loaded.origin, grid=loaded.grid, settings=TrainSettings(), history=[])
+    repository = GraspRepository.create(tmp_path / "grasps")
+    mixed = policy_named("servo", model=folder, method=None, random_share=0.5, threshold=None)
+    settings = CollectSettings(attempts=6, seed=2, workers=1, policy=mixed)
+    with pytest.raises(ScoreError, match="1 of 1 scores"):
+        collect(repository, SimStationFactory(config=SimConfig()), settings)
+    predicted = GraspDataset.open(str(repository.path)).attempts["predicted_success"]
+    assert predicted.isna().all()
+    assert len(predicted) < 6
+
+
+def test_a_run_that_is_replaced_while_it_is_used_is_noticed(tmp_path: Path, run: Path) -> None:
+    copy = shutil.copytree(run, tmp_path / "run")
+    opened = policy_named("servo", model=copy, method=None, random_share=0.0, threshold=None)
+    assert isinstance(opened, ServoPolicy)
+    loaded = load_run(copy)
+    fresh = GraspQualityNetwork(loaded.network.config)
+    save_run(copy, fresh, origin=loaded.origin, grid=loaded.grid, settings=TrainSettings(), history=[], overwrite=True)
+    with pytest.raises(CommandError, match="holds another network"):
+        opened.open_network()
 
 
 @pytest.mark.parametrize("share", [-0.1, 1.1, float("nan")])

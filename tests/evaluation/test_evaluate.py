@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from tests.support.scorers import FunctionScorer
 
 from handsight.collection.sim.config import SimConfig
 from handsight.collection.sim.station import SimStation, SimStationFactory
@@ -14,6 +15,7 @@ from handsight.evaluation.evaluate import EvaluationSettings, TrialContextFactor
 from handsight.evaluation.trial import Trial, run_trial
 from handsight.servoing.homography import InputGrid
 from handsight.servoing.loop import ServoSettings
+from handsight.training.errors import CheckpointError
 from handsight.training.gqn import GqnConfig, GraspQualityNetwork
 from handsight.training.run import DataOrigin, save_run
 from handsight.training.trainer import TrainSettings
@@ -60,9 +62,8 @@ def test_methods_begin_alike(factory: TrialContextFactory) -> None:
 def test_a_confident_network_grasps_at_once() -> None:
     station = SimStation(SimConfig(objects="blocks-test"))
     try:
-        trial, recording = run_trial(
-            station, lambda inputs: torch.ones(len(inputs)), "cem-1", 1, seed=4, settings=ServoSettings()
-        )
+        sure = FunctionScorer(lambda inputs: torch.ones(len(inputs)))
+        trial, recording = run_trial(station, sure, "cem-1", 1, seed=4, settings=ServoSettings())
         blind, _ = run_trial(station, None, "random", 1, seed=4, settings=ServoSettings())
     finally:
         station.close()
@@ -70,3 +71,8 @@ def test_a_confident_network_grasps_at_once() -> None:
     assert recording.trace.confident
     assert (trial.moves, trial.success) == (0, blind.success)
     assert trial.truth_held == blind.truth_held
+
+
+def test_a_run_that_is_replaced_between_trials_is_noticed(factory: TrialContextFactory) -> None:
+    with pytest.raises(CheckpointError, match="holds another network"):
+        replace(factory, weights_sha256="0" * 64)()

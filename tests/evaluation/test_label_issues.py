@@ -13,6 +13,7 @@ from tests.support.labelled import labelled_attempts
 
 from handsight.evaluation.label_issues import issue_log_odds, label_quality, rank_label_issues
 from handsight.evaluation.label_review import review_folds
+from handsight.servoing.errors import ScoreError
 from handsight.training.cross_validation import out_of_fold_scores
 from handsight.training.metrics import evaluate_scores
 
@@ -133,3 +134,8 @@ def test_half_of_what_is_due_to_a_rare_label_is_left_out() -> None:
     odds = issue_log_odds(np.full(len(labels), 0.5, np.float32), labels)
     half = 0.5 * np.log((1 + 1) / (6 + 1))
     np.testing.assert_allclose(odds, np.where(labels > 0.5, half, -half))
+
+
+def test_labels_are_not_held_against_scores_that_are_none() -> None:
+    with pytest.raises(ScoreError, match="1 of 2 scores"):
+        rank_label_issues(labelled_attempts([True, False]), scores_of(0.5, np.nan), count=2)

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.support.drawn_table import CAMERA, DISC_XY_M, DISTANCE_M, GRID, START, DrawnTable, brightness_in_the_middle
+import torch
+from tests.support.drawn_table import BRIGHTNESS, CAMERA, DISC_XY_M, DISTANCE_M, GRID, START, DrawnTable
+from tests.support.scorers import FunctionScorer
 
-from handsight.servoing.errors import ServoSettingsError
+from handsight.servoing.errors import ScoreError, ServoSettingsError
 from handsight.servoing.heatmap import grasp_heatmap
 from handsight.servoing.planar import PlanarPose
 
@@ -14,7 +16,7 @@ from handsight.servoing.planar import PlanarPose
 def test_heatmap_peaks_where_the_gripper_should_go() -> None:
     world = DrawnTable(START)
     view, pose = world.look()
-    heatmap = grasp_heatmap(view, brightness_in_the_middle, grid=GRID, spacing_px=4)
+    heatmap = grasp_heatmap(view, BRIGHTNESS, spacing_px=4)
     row, column = np.unravel_index(heatmap.scores.argmax(), heatmap.scores.shape)
     k = CAMERA.intrinsics
     disc = pose.step_to(PlanarPose(x_m=DISC_XY_M[0], y_m=DISC_XY_M[1], angle_rad=0.0))
@@ -24,7 +26,15 @@ def test_heatmap_peaks_where_the_gripper_should_go() -> None:
     assert abs(heatmap.rows_px[row] - expected_row) <= 4
 
 
-def test_a_spacing_of_nothing_is_refused() -> None:
+@pytest.mark.parametrize("spacing_px", [0, -3, 121])
+def test_a_spacing_that_leaves_no_point_is_refused(spacing_px: int) -> None:
     view, _ = DrawnTable(START).look()
-    with pytest.raises(ServoSettingsError, match="at least 1"):
-        grasp_heatmap(view, brightness_in_the_middle, grid=GRID, spacing_px=0)
+    with pytest.raises(ServoSettingsError, match="at least 1 and at most 120"):
+        grasp_heatmap(view, BRIGHTNESS, spacing_px=spacing_px)
+
+
+def test_scores_that_are_none_make_no_map() -> None:
+    view, _ = DrawnTable(START).look()
+    scorer = FunctionScorer(lambda inputs: torch.full((len(inputs),), torch.nan), GRID)
+    with pytest.raises(ScoreError, match="256 of 256"):
+        grasp_heatmap(view, scorer, spacing_px=4)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,15 +12,17 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from tests.support.alignment import FULL, INNER, SKEWED, look, shift_px, write_textured_square
+from tests.support.drawn_table import START, DrawnTable
 from torch import Tensor
 
 from handsight.collection.sim.bullet import BulletClient, connect
 from handsight.collection.sim.bullet import pybullet as pb
 from handsight.collection.sim.config import D435_ON_GRIPPER
 from handsight.servoing.camera import HandCamera, Intrinsics
-from handsight.servoing.errors import CameraModelError, ServoSettingsError
+from handsight.servoing.errors import CameraModelError, ServoSettingsError, StepError
 from handsight.servoing.homography import InputGrid, predict_inputs, raw_from_input
 from handsight.servoing.planar import PlanarPose, PlanarStep
+from handsight.servoing.prepared_view import PreparedView
 
 cameras = st.builds(
     HandCamera,
@@ -164,3 +167,34 @@ def test_the_middle_of_the_input_is_the_grasp_point(textured_plane: BulletClient
     middle = 0.5 * (FULL.size_px - 1)
     assert abs(columns.mean() - middle) < 0.5
     assert abs(rows.mean() - middle) < 0.5
+
+
+def test_inputs_are_made_where_the_steps_are_and_in_their_precision() -> None:
+    """Devices are told apart by the one that computes nothing: what is made elsewhere cannot be combined with it."""
+    view = PreparedView.from_view(DrawnTable(START).look()[0], pixels_per_cell=1)
+    elsewhere = predict_inputs(view, torch.zeros(5, 3, device="meta"), grid=GRID)
+    assert (elsewhere.device.type, elsewhere.shape) == ("meta", (5, 4, 64, 64))
+    single, double = (predict_inputs(view, torch.zeros(1, 3, dtype=dtype), grid=GRID) for dtype in PRECISIONS)
+    assert (single.dtype, double.dtype) == PRECISIONS
+    torch.testing.assert_close(single.double(), double, atol=1e-3, rtol=0)
+
+
+PRECISIONS = (torch.float32, torch.float64)
+
+
+@pytest.mark.parametrize(
+    "steps",
+    [torch.zeros(2, 3, dtype=dtype) for dtype in (torch.float16, torch.bfloat16, torch.int64, torch.bool)]
+    + [torch.zeros(3), torch.zeros(2, 4)],
+    ids=str,
+)
+def test_steps_of_another_type_or_shape_are_refused(steps: torch.Tensor) -> None:
+    view = PreparedView.from_view(DrawnTable(START).look()[0], pixels_per_cell=1)
+    with pytest.raises(StepError, match=r"expected torch.float32 or torch.float64 of shape \(B, 3\)"):
+        predict_inputs(view, steps, grid=GRID)
+
+
+@pytest.mark.parametrize("grid", [(10**9, 64), (64.0, 64), (400, "64"), (400, True), (None, None)])
+def test_a_grid_of_impossible_numbers_is_refused(grid: tuple[Any, Any]) -> None:
+    with pytest.raises(ServoSettingsError, match="expected whole numbers"):
+        InputGrid(crop_px=grid[0], size_px=grid[1])

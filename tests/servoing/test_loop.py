@@ -2,29 +2,35 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
+import torch
 from tests.support.drawn_table import DISC_XY_M, GRID, START, DrawnTable, brightness_in_the_middle
+from tests.support.scorers import FunctionScorer
 from torch import Tensor
 
-from handsight.servoing.errors import ServoSettingsError
+from handsight.servoing.errors import ScoreError, ServoSettingsError
+from handsight.servoing.homography import InputGrid
 from handsight.servoing.loop import ServoSettings, ServoTrace, servo
 from handsight.servoing.methods.cem import Cem
 from handsight.servoing.methods.first_order import FirstOrder
-from handsight.servoing.objective import ScoreInputs
 from handsight.servoing.optimiser import ServoMethod
 from handsight.servoing.planar import PlanarPose
 
 
 def run(
-    world: DrawnTable, method: Cem | FirstOrder, score_inputs: ScoreInputs = brightness_in_the_middle
+    world: DrawnTable,
+    method: Cem | FirstOrder,
+    function: Callable[[Tensor], Tensor] = brightness_in_the_middle,
 ) -> ServoTrace:
     return servo(
         world.look,
         world.move,
-        score_inputs,
+        FunctionScorer(function, GRID),
         ServoMethod(name="test", label="test", settings=method),
-        settings=ServoSettings(threshold=0.95, grid=GRID),
+        settings=ServoSettings(threshold=0.95),
         rng=np.random.default_rng(0),
     )
 
@@ -55,7 +61,7 @@ def test_out_of_steps_the_best_pose_seen_is_taken() -> None:
     def dims(inputs: Tensor) -> Tensor:
         return brightness_in_the_middle(inputs) * (0.9 if len(world.visited) < 3 else 0.1)
 
-    trace = run(world, Cem(max_steps=6), score_inputs=dims)
+    trace = run(world, Cem(max_steps=6), function=dims)
     scores = [step.score for step in trace.steps]
     best = int(np.argmax(scores))
     assert not trace.confident
@@ -77,3 +83,34 @@ def test_an_unreachable_step_ends_the_run_at_the_best_pose() -> None:
 def test_impossible_thresholds_are_refused(threshold: float) -> None:
     with pytest.raises(ServoSettingsError, match="expected in"):
         ServoSettings(threshold=threshold)
+
+
+@pytest.mark.parametrize("method", [Cem(), FirstOrder()], ids=["cem", "first-order"])
+@pytest.mark.parametrize("bad", [torch.nan, torch.inf, -0.5, 1.5])
+def test_a_score_that_is_none_ends_the_run_before_any_grasp(method: Cem | FirstOrder, bad: float) -> None:
+    """One among many is enough: CEM could choose it, and a gradient through it is none."""
+    world = DrawnTable(START)
+
+    def one_bad(inputs: Tensor) -> Tensor:
+        scores = 0.5 * brightness_in_the_middle(inputs)
+        return scores if len(scores) == 1 else torch.cat([scores[:-1], scores.new_tensor([bad])])
+
+    with pytest.raises(ScoreError, match=r"1 of 64 scores of a network are not in \[0, 1\]"):
+        run(world, method, one_bad)
+    with pytest.raises(ScoreError, match="1 of 1 scores"):
+        run(world, method, lambda inputs: torch.full((len(inputs),), bad))
+    assert world.visited == []
+
+
+def test_the_grid_is_the_scorers() -> None:
+    world = DrawnTable(START)
+    sizes: set[tuple[int, ...]] = set()
+
+    def watch(inputs: Tensor) -> Tensor:
+        sizes.add(tuple(inputs.shape[1:]))
+        return torch.full((len(inputs),), 0.5)
+
+    scorer = FunctionScorer(watch, InputGrid(crop_px=80, size_px=20))
+    method = ServoMethod(name="test", label="test", settings=Cem(max_steps=1))
+    servo(world.look, world.move, scorer, method, settings=ServoSettings(), rng=np.random.default_rng(0))
+    assert sizes == {(4, 20, 20)}

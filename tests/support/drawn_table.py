@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
+from tests.support.scorers import FunctionScorer
 from torch import Tensor
 
 from handsight.servoing.camera import HandCamera, Intrinsics
@@ -52,6 +53,9 @@ class DrawnTable:
 
 def brightness_in_the_middle(inputs: Tensor) -> Tensor:
     return inputs[:, 0, 15:17, 15:17].mean((1, 2))
+
+
+BRIGHTNESS = FunctionScorer(brightness_in_the_middle, GRID)
 
 
 START = PlanarPose(x_m=0.53, y_m=0.06, angle_rad=0.4)

@@ -1,8 +1,11 @@
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 import torch
 
+from handsight.servoing.homography import InputGrid
 from handsight.training.errors import NetworkSettingsError
 from handsight.training.gqn import CHANNEL_SETS, GqnConfig, GraspQualityNetwork, Scorer
 
@@ -10,7 +13,7 @@ from handsight.training.gqn import CHANNEL_SETS, GqnConfig, GraspQualityNetwork,
 @pytest.mark.parametrize("channels", CHANNEL_SETS)
 def test_scores_are_probabilities_of_the_right_shape(channels: str) -> None:
     network = GraspQualityNetwork(GqnConfig(channels=channels))
-    scores = Scorer(network)(torch.rand(5, 4, 64, 64))
+    scores = Scorer(network, InputGrid())(torch.rand(5, 4, 64, 64))
     assert scores.shape == (5,)
     assert ((scores > 0) & (scores < 1)).all()
 
@@ -48,3 +51,60 @@ def test_bad_shapes_report_every_fault() -> None:
         GqnConfig(channels="rgbx", widths=(8,), kernels=(4, 3), size_px=33)
     for part in ("rgbx", "1 widths and 2 kernels", "odd", "33"):
         assert part in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("settings", "fault"),
+    [
+        ({"size_px": 0}, "size_px is 0"),
+        ({"size_px": -16}, "size_px is -16"),
+        ({"size_px": 16 * 10**8}, "size_px is 1600000000"),
+        ({"size_px": 64.0}, "size_px is 64.0"),
+        ({"widths": (0, 8, 8, 8)}, "widths are"),
+        ({"widths": (16, 32, 48, 10**9)}, "widths are"),
+        ({"widths": (8,) * 40, "kernels": (3,) * 40}, "40 widths"),
+        ({"kernels": (-1, 3, 3, 3)}, "kernels are"),
+        ({"dense": (True,)}, "dense are"),
+        ({"dense": (4096,) * 8}, "parameters, expected at most"),
+    ],
+)
+def test_a_network_of_impossible_size_is_refused_before_it_is_built(settings: dict[str, Any], fault: str) -> None:
+    with pytest.raises(NetworkSettingsError, match=fault):
+        GqnConfig(**settings)
+
+
+@pytest.mark.parametrize(
+    "config",
+    [
+        GqnConfig(),
+        GqnConfig(channels="depth", widths=(4,), kernels=(1,), dense=(), size_px=2),
+        GqnConfig(channels="rgb", widths=(8, 4), kernels=(3, 5), dense=(16,), size_px=16),
+    ],
+    ids=["default", "smallest", "other"],
+)
+def test_what_a_network_keeps_is_known_before_it_is_built(config: GqnConfig) -> None:
+    network = GraspQualityNetwork(config)
+    assert {name: tuple(tensor.shape) for name, tensor in network.state_dict().items()} == config.shapes
+    assert config.parameters == sum(parameter.numel() for parameter in network.parameters())
+
+
+def test_a_scorer_knows_its_grid_and_refuses_that_of_another_network() -> None:
+    network = GraspQualityNetwork(GqnConfig())
+    assert Scorer(network, InputGrid(crop_px=300)).grid.crop_px == 300
+    with pytest.raises(NetworkSettingsError, match="inputs of 32 px, expected 64 px"):
+        Scorer(network, InputGrid(size_px=32))
+
+
+def test_gradients_reach_inputs_that_ask_for_them_and_nothing_is_kept_otherwise() -> None:
+    torch.manual_seed(0)
+    scorer = Scorer(GraspQualityNetwork(GqnConfig()), InputGrid())
+    inputs = torch.rand(3, 4, 64, 64)
+    plain = scorer(inputs)
+    assert not plain.requires_grad
+    asking = inputs.clone().requires_grad_()
+    scores = scorer(asking)
+    assert torch.equal(scores.detach(), plain)
+    (gradient,) = torch.autograd.grad(scores.sum(), asking)
+    assert gradient.abs().sum() > 0
+    with torch.no_grad():
+        assert not scorer(asking).requires_grad

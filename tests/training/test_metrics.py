@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from handsight.servoing.errors import ScoreError
 from handsight.training.metrics import evaluate_scores
 
 scored = st.lists(st.tuples(st.sampled_from([0.0, 0.2, 0.5, 0.51, 0.9, 1.0]), st.booleans()), min_size=2, max_size=40)
@@ -30,3 +31,9 @@ def test_auc_counts_the_pairs_in_which_a_success_scores_higher(pairs: list[tuple
 def test_loss_is_the_mean_cross_entropy() -> None:
     metrics = evaluate_scores(np.array([0.8, 0.4], np.float32), np.array([1, 0], np.float32))
     assert metrics.loss == pytest.approx(-(math.log(0.8) + math.log(0.6)) / 2, rel=1e-6)
+
+
+@pytest.mark.parametrize("bad", [np.nan, -0.1, 1.5])
+def test_scores_that_are_none_have_no_metrics(bad: float) -> None:
+    with pytest.raises(ScoreError, match="1 of 2 scores"):
+        evaluate_scores(np.array([0.5, bad], np.float32), np.array([0, 1], np.float32))

@@ -6,13 +6,13 @@ from pathlib import Path
 
 import pytest
 import torch
+from tests.support.scorers import FunctionScorer
 from torch import Tensor
 
 from handsight.collection.sim.config import SimConfig
 from handsight.collection.sim.station import SimStation
 from handsight.evaluation.trial import TrialRecording, run_trial
 from handsight.servoing.heatmap import Heatmap, grasp_heatmap
-from handsight.servoing.homography import InputGrid
 from handsight.servoing.loop import ServoSettings
 from handsight.viz.examples import HeatmapExample
 from handsight.viz.recordings.servo_trace import write_servo_trace
@@ -28,13 +28,16 @@ def score_clear_of_jaws(inputs: Tensor) -> Tensor:
     return torch.sigmoid(180 * (between_m - torch.maximum(under_left_m, under_right_m)) - 4)
 
 
+CLEAR_OF_JAWS = FunctionScorer(score_clear_of_jaws)
+
+
 @pytest.fixture(scope="session")
 def trial() -> TrialRecording:
     """A run of single-iteration CEM with some moves in it."""
     station = SimStation(SimConfig(objects="blocks-train"))
     try:
         settings = ServoSettings(threshold=0.9)
-        _, recording = run_trial(station, score_clear_of_jaws, "cem-1", 4, seed=7, settings=settings)
+        _, recording = run_trial(station, CLEAR_OF_JAWS, "cem-1", 4, seed=7, settings=settings)
     finally:
         station.close()
     assert recording is not None
@@ -45,10 +48,7 @@ def trial() -> TrialRecording:
 @pytest.fixture(scope="session")
 def heatmaps(trial: TrialRecording) -> list[Heatmap]:
     """One map per step of the run."""
-    return [
-        grasp_heatmap(step.view, score_clear_of_jaws, grid=InputGrid(), spacing_px=HEATMAP_SPACING_PX)
-        for step in trial.trace.steps
-    ]
+    return [grasp_heatmap(step.view, CLEAR_OF_JAWS, spacing_px=HEATMAP_SPACING_PX) for step in trial.trace.steps]
 
 
 @pytest.fixture(scope="session")

@@ -35,7 +35,6 @@ def publish(target: Path, fill: Callable[[Path], None]) -> bool:
         with atomic_folder(target) as unfinished:
             unfinished.mkdir()
             fill(unfinished)
-            unfinished.chmod(0o755)
     except OSError as error:
         # A folder that is not empty cannot be renamed over: somebody else was first.
         if target.is_dir():

@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 import pytest
 import torch
+from tests.support.scorers import FunctionScorer
 from torch import Tensor
 
 from handsight.cli.app import run
@@ -53,7 +54,7 @@ def test_every_step_of_a_servo_run_has_its_picture() -> None:
     station = SimStation(config)
     try:
         settings = ServoSettings(threshold=0.99)
-        _, recording = run_trial(station, score_what_is_tall, "cem-1", 1, seed=3, settings=settings)
+        _, recording = run_trial(station, FunctionScorer(score_what_is_tall), "cem-1", 1, seed=3, settings=settings)
     finally:
         station.close()
     assert recording is not None

@@ -69,6 +69,40 @@ def test_the_cache_is_used_and_follows_curation(dataset: GraspDataset) -> None:
     assert (first.labels[1], curated.labels[0]) == (0, 1)
 
 
+@pytest.mark.parametrize("damage", ["flipped", "short", "foreign", "empty", "of an older handsight"])
+def test_a_cache_that_is_not_what_was_written_is_made_again(dataset: GraspDataset, damage: str) -> None:
+    first = materialize(dataset, grid=GRID)
+    assert first.file is not None
+    expected, whole = np.array(first.inputs), first.file.read_bytes()
+    spoilt = bytearray(whole)
+    if damage == "flipped":
+        spoilt[len(whole) // 2] ^= 4
+    elif damage == "foreign":
+        other = materialize(dataset, viewpoint="pregrasp", grid=GRID).file
+        assert other is not None
+        spoilt = bytearray(other.read_bytes())
+    else:
+        del spoilt[{"short": len(whole) // 2, "empty": 0, "of an older handsight": len(whole) - 32}[damage] :]
+    first.file.write_bytes(spoilt)
+    made: list[int] = []
+    again = materialize(dataset, grid=GRID, on_attempt=lambda: made.append(1))
+    assert len(made) == len(expected)
+    np.testing.assert_array_equal(again.inputs, expected)
+    assert first.file.read_bytes() == whole
+
+
+def test_a_worker_notices_a_file_that_is_no_longer_the_one_it_was_promised(inputs: GraspInputs, tmp_path: Path) -> None:
+    path = tmp_path / "inputs.npy"
+    np.save(path, inputs.inputs)
+    pickled = pickle.dumps(TorchGrasps(GraspInputs(inputs=np.load(path, mmap_mode="r"), attempts=inputs.attempts)))
+    np.save(path, np.asarray(inputs.inputs)[:, :, :1])
+    with pytest.raises(OSError, match="expected float16 of shape"):
+        pickle.loads(pickled)
+    path.write_bytes(b"\x93NUMPY")
+    with pytest.raises(OSError, match="is no array of inputs"):
+        pickle.loads(pickled)
+
+
 def test_nothing_to_learn_from_is_said(repository: GraspRepository) -> None:
     with pytest.raises(NoTrainingDataError, match="no labelled attempt"):
         materialize(GraspDataset(repository, ref="main"))

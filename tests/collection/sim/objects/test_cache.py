@@ -53,3 +53,14 @@ def test_a_cache_that_cannot_be_written_says_so(tmp_path: Path, monkeypatch: pyt
     monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "file"))
     with pytest.raises(ObjectSetError, match=f"cannot write object set .*set {CACHE_VARIABLE} to another one"):
         household_folder()
+
+
+@pytest.mark.parametrize("umask", [0o002, 0o022])
+def test_a_set_follows_the_umask(tmp_path: Path, umask: int) -> None:
+    before = os.umask(umask)
+    try:
+        assert publish(tmp_path / "set", lambda folder: (folder / "a.urdf").touch())
+        made = {path.name: path.stat().st_mode & 0o777 for path in (tmp_path / "set", tmp_path / "set" / "a.urdf")}
+    finally:
+        os.umask(before)
+    assert made == {"set": 0o777 & ~umask, "a.urdf": 0o666 & ~umask}

@@ -1,0 +1,59 @@
+"""Where a run can be written, asked before hours are spent on training."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from handsight.training.errors import CheckpointError
+from handsight.training.run_folder import NEXT_WEIGHTS, RUN_RECORD, WEIGHTS, check_run_folder
+
+
+def test_a_new_or_empty_folder_will_do(tmp_path: Path) -> None:
+    (tmp_path / "empty").mkdir()
+    for name in ("empty", "new", "new/below"):
+        check_run_folder(tmp_path / name)
+    assert [path.name for path in tmp_path.iterdir()] == ["empty"]
+
+
+@pytest.mark.parametrize("held", [(RUN_RECORD, WEIGHTS), (WEIGHTS,), (NEXT_WEIGHTS,), (RUN_RECORD,)])
+def test_a_run_is_replaced_only_on_request(tmp_path: Path, held: tuple[str, ...]) -> None:
+    for name in held:
+        (tmp_path / name).write_text("")
+    with pytest.raises(CheckpointError, match="replace it with --overwrite"):
+        check_run_folder(tmp_path)
+    check_run_folder(tmp_path, overwrite=True)
+
+
+def test_what_a_killed_process_left_is_no_run(tmp_path: Path) -> None:
+    (tmp_path / ".run.unfinished-12345678.json").write_text("")
+    (tmp_path / ".model.next.unfinished-12345678.safetensors").write_text("")
+    check_run_folder(tmp_path)
+
+
+@pytest.mark.parametrize("overwrite", [False, True])
+def test_other_things_are_never_replaced(tmp_path: Path, overwrite: bool) -> None:
+    (tmp_path / RUN_RECORD).write_text("")
+    for name in ("a.tex", "b.tex", "c.tex", "d.tex"):
+        (tmp_path / name).write_text("years of work")
+    with pytest.raises(CheckpointError, match=r"other files \(a.tex, b.tex, c.tex and 1 more\)"):
+        check_run_folder(tmp_path, overwrite=overwrite)
+    with pytest.raises(CheckpointError, match=r"a\.tex is a file"):
+        check_run_folder(tmp_path / "a.tex", overwrite=overwrite)
+    with pytest.raises(CheckpointError, match="run would lie in it"):
+        check_run_folder(tmp_path / "a.tex" / "run", overwrite=overwrite)
+
+
+def test_a_link_to_nowhere_says_so(tmp_path: Path) -> None:
+    (tmp_path / "run").symlink_to(tmp_path / "gone")
+    with pytest.raises(CheckpointError, match="which does not exist"):
+        check_run_folder(tmp_path / "run")
+
+
+def test_a_folder_that_cannot_be_written_to_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Root may write anywhere, so it is the system's answer that is made up."""
+    monkeypatch.setattr(os, "access", lambda path, mode: path != tmp_path)
+    with pytest.raises(CheckpointError, match=f"{tmp_path} is not writable"):
+        check_run_folder(tmp_path / "new" / "run")

@@ -1,0 +1,238 @@
+"""``run.json``: what a run says of itself, and the check of all of it before anything is built from it.
+
+The file may have been edited, damaged or copied from elsewhere. Every value is looked at by type and range, and all
+that is wrong is reported at once. A seal over the content finds changes that are possible values too, such as another
+crop, at which the network's scores would mean nothing.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+import reprlib
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NoReturn
+
+from handsight.servoing.errors import ServoSettingsError
+from handsight.servoing.homography import InputGrid
+from handsight.training.errors import CheckpointError, NetworkSettingsError
+from handsight.training.gqn import CHANNEL_SETS, GqnConfig
+
+RUN_VERSION = 1
+WEIGHTS_SHA256 = "weights_sha256"
+RECORD_SHA256 = "record_sha256"
+"""Of everything in the record but the keys that end in ``_sha256``, as JSON with sorted keys."""
+
+LARGEST_RECORD_BYTES = 16 << 20
+"""A record has a few hundred bytes for each epoch."""
+_FAULTS_LISTED = 8
+
+Check = Callable[[Any], str | None]
+"""What was expected of a value; None where it is as expected."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Optional:
+    """A key that records of older versions lack."""
+
+    form: Any
+
+
+def sealed(record: dict[str, Any]) -> dict[str, Any]:
+    """The record with the hash of its content."""
+    return {**record, RECORD_SHA256: _seal(record)}
+
+
+def read_record(path: Path) -> tuple[dict[str, Any], GqnConfig, InputGrid]:
+    """The record of a run, with the network and the grid that it describes.
+
+    Raises:
+        CheckpointError: It is no JSON, or some values are none that a run can have; all of them are named. Or it was
+            written by a newer handsight, or changed since it was written.
+        OSError: It cannot be read.
+    """
+    record = _parse(path)
+    if isinstance(record, dict):
+        _check_version(path, record.get("run_version"))
+    faults = list(_faults(record, _RECORD, ""))
+    if faults:
+        raise damaged(path, faults)
+    try:
+        config, grid = GqnConfig.from_json(record["settings"]["network"]), InputGrid(**record["grid"])
+    except (NetworkSettingsError, ServoSettingsError) as error:
+        raise damaged(path, [str(error)]) from error
+    if grid.size_px != config.size_px:
+        faults.append(f"grid.size_px is {grid.size_px}, expected {config.size_px} as settings.network.size_px is")
+    if record.get(RECORD_SHA256, seal := _seal(record)) != seal:
+        faults.append("its values are not those that were written with it")
+    if faults:
+        raise damaged(path, faults)
+    return record, config, grid
+
+
+def damaged(path: Path, faults: list[str]) -> CheckpointError:
+    """The error for a file of a run of which something is wrong."""
+    more = f"; and {len(faults) - _FAULTS_LISTED} more" if len(faults) > _FAULTS_LISTED else ""
+    return CheckpointError(
+        f"{path} is damaged ({'; '.join(faults[:_FAULTS_LISTED])}{more}): train again, or restore the run from a copy"
+    )
+
+
+def _parse(path: Path) -> Any:
+    size = path.stat().st_size
+    if size > LARGEST_RECORD_BYTES:
+        raise damaged(path, [f"it has {size} bytes, expected at most {LARGEST_RECORD_BYTES}"])
+    try:
+        return json.loads(path.read_bytes().decode("utf-8"), parse_constant=_refuse_constant)
+    except (ValueError, RecursionError) as error:
+        raise damaged(path, [f"it is no JSON: {error}"]) from error
+
+
+def _refuse_constant(name: str) -> NoReturn:
+    raise ValueError(f"{name} is no number")
+
+
+def _seal(record: dict[str, Any]) -> str:
+    content = {name: value for name, value in record.items() if not name.endswith("_sha256")}
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+def _check_version(path: Path, version: Any) -> None:
+    if isinstance(version, int) and not isinstance(version, bool) and version > RUN_VERSION:
+        raise CheckpointError(
+            f"{path} was written by a newer handsight (run version {reprlib.repr(version)}, this one reads up to "
+            f"{RUN_VERSION}): upgrade handsight"
+        )
+
+
+def _faults(value: Any, form: Any, where: str) -> Iterator[str]:
+    """What of ``value`` is not in the form: a check, a list of one form, or forms by key."""
+    name = where or "the record"
+    if isinstance(form, dict):
+        if not isinstance(value, dict):
+            yield f"{name} is {reprlib.repr(value)}, expected an object"
+            return
+        for key, part in form.items():
+            inner = f"{where}.{key}" if where else key
+            if key in value:
+                yield from _faults(value[key], part.form if isinstance(part, _Optional) else part, inner)
+            elif not isinstance(part, _Optional):
+                yield f"{inner} is missing"
+        if where in _CLOSED:
+            yield from (f"{where}.{reprlib.repr(key)} is no setting that is known" for key in value if key not in form)
+    elif isinstance(form, list):
+        if not isinstance(value, list):
+            yield f"{name} is {reprlib.repr(value)}, expected a list"
+            return
+        for at, entry in enumerate(value):
+            yield from _faults(entry, form[0], f"{where}[{at}]")
+    elif (expected := form(value)) is not None:
+        yield f"{name} is {reprlib.repr(value)}, expected {expected}"
+
+
+def _whole(least: int, most: int) -> Check:
+    def check(value: Any) -> str | None:
+        sound = isinstance(value, int) and not isinstance(value, bool) and least <= value <= most
+        return None if sound else f"a whole number of {least} to {most}"
+
+    return check
+
+
+def _number(least: float, most: float) -> Check:
+    def check(value: Any) -> str | None:
+        sound = isinstance(value, int | float) and not isinstance(value, bool) and least <= value <= most
+        return None if sound else f"a number of {least:g} to {most:g}"
+
+    return check
+
+
+def _or_null(check: Check) -> Check:
+    def nullable(value: Any) -> str | None:
+        expected = None if value is None else check(value)
+        return None if expected is None else f"{expected}, or null"
+
+    return nullable
+
+
+def _one_of(*values: str) -> Check:
+    return lambda value: None if isinstance(value, str) and value in values else f"one of: {', '.join(values)}"
+
+
+def _truth(value: Any) -> str | None:
+    return None if isinstance(value, bool) else "true or false"
+
+
+def _text(value: Any) -> str | None:
+    return None if isinstance(value, str) and len(value) <= 4096 else "text of at most 4096 characters"
+
+
+def _sha256(value: Any) -> str | None:
+    return None if isinstance(value, str) and re.fullmatch("[0-9a-f]{64}", value) else "64 hexadecimal digits"
+
+
+_COUNT = _whole(0, 2**53)
+_SHARE = _number(0, 1)
+_SIZE = _whole(1, 2**31)
+_FINITE = _number(-1e30, 1e30)
+
+_CLOSED = ("origin", "grid", "settings.network")
+"""Where a key that is not known would have a meaning that is missed."""
+
+# Ranges of sizes are those of the types that are built from them; here it is enough that they are numbers.
+_RECORD = {
+    "run_version": _whole(1, RUN_VERSION),
+    "handsight": _Optional(_text),
+    "created": _Optional(_text),
+    "origin": {
+        "dataset": _text,
+        "ref": _text,
+        "snapshot": _text,
+        "digest": _text,
+        "view": _one_of("overhead", "pregrasp"),
+        "attempts": _COUNT,
+    },
+    "grid": {"crop_px": _SIZE, "size_px": _SIZE},
+    "settings": {
+        "network": {
+            "channels": _one_of(*CHANNEL_SETS),
+            "widths": [_SIZE],
+            "kernels": [_SIZE],
+            "dense": [_SIZE],
+            "size_px": _SIZE,
+        },
+        "epochs": _Optional(_whole(1, 2**31)),
+        "batch": _Optional(_whole(2, 2**31)),
+        "learning_rate": _Optional(_SHARE),
+        "weight_decay": _Optional(_SHARE),
+        "balance": _Optional(_truth),
+        "holdout": _Optional(_SHARE),
+        "jitter": _Optional(
+            {
+                "brightness": _Optional(_FINITE),
+                "colour_noise": _Optional(_FINITE),
+                "height_noise_m": _Optional(_FINITE),
+                "turn_rad": _Optional(_FINITE),
+                "shift": _Optional(_FINITE),
+            }
+        ),
+        "seed": _Optional(_whole(-(2**63), 2**64 - 1)),
+    },
+    "parameters": _Optional(_COUNT),
+    "history": [
+        {
+            "number": _COUNT,
+            "train_loss": _FINITE,
+            "held_out": {
+                "attempts": _COUNT,
+                "accuracy": _or_null(_SHARE),
+                "auc": _or_null(_SHARE),
+                "loss": _or_null(_FINITE),
+            },
+        }
+    ],
+    WEIGHTS_SHA256: _Optional(_sha256),
+    RECORD_SHA256: _Optional(_sha256),
+}
