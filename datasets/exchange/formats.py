@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from handsight.datasets.errors import InterchangeError
-from handsight.datasets.exchange import hdf5, image_table, lerobot, plain_zarr
+from handsight.datasets.exchange import hdf5, image_table, lerobot, lerobot_export, plain_zarr
 from handsight.datasets.exchange.bundle import Bundle
 from handsight.datasets.reading.reader import GraspDataset
 
@@ -49,7 +49,7 @@ FORMATS: tuple[Format, ...] = (
         description="a LeRobotDataset v3.0 folder",
         recognises=lerobot.recognises,
         open=lerobot.open_bundle,
-        write=lerobot.write,
+        write=lerobot_export.write,
     ),
     Format(
         name="images",
