@@ -24,6 +24,8 @@ class Bundle:
     sessions: Sequence[SessionSource]
     decisions: Sequence[Decision] = ()
     """Oldest first."""
+    preview: dict[str, Any] | None = None
+    """What a map makes of a set, as JSON values; None where no map was needed."""
 
 
 def origin_of(dataset: GraspDataset) -> dict[str, Any]:
