@@ -87,4 +87,7 @@ def format_of(path: Path) -> Format:
         if one.recognises(path):
             return one
     known: Sequence[str] = [f"{one.name} ({one.description})" for one in FORMATS]
-    raise InterchangeError(f"{path} is in no known format, expected {'; '.join(known)}")
+    raise InterchangeError(
+        f"{path} is in no known format, expected {'; '.join(known)}. Pictures of your own take an attempts.csv and a "
+        "station.json beside them, a LeRobot or HDF5 set of other origin a map (--map map.toml): see docs/datasets.md"
+    )

@@ -24,7 +24,7 @@ def pose_of(numbers: NDArray[np.float64], convention: str, *, unit_m: float, z_m
         ValueError: They are no pose in that convention.
     """
     if not np.all(np.isfinite(numbers)):
-        raise ValueError(f"pose {np.array2string(numbers, precision=4)} is not finite")
+        raise ValueError(f"pose {_shown(numbers)} is not finite")
     if convention == "x_y_angle":
         planar = PlanarPose(x_m=float(numbers[0]) * unit_m, y_m=float(numbers[1]) * unit_m, angle_rad=float(numbers[2]))
         return planar.pose_base_tool(z_m)
@@ -36,7 +36,7 @@ def pose_of(numbers: NDArray[np.float64], convention: str, *, unit_m: float, z_m
     else:
         length = float(np.linalg.norm(rest))
         if abs(length - 1) > _TOLERANCE:
-            raise ValueError(f"quaternion {np.array2string(rest, precision=4)} has length {length:.4g}, expected 1")
+            raise ValueError(f"quaternion {_shown(rest)} has length {length:.4g}, expected 1")
         rotation = Rotation.from_quat(rest, scalar_first=convention.endswith("wxyz"))
     return _transform(rotation.as_matrix(), numbers[:3] * unit_m)
 
@@ -78,3 +78,7 @@ def _transform(rotation: Any, translation_m: NDArray[np.float64]) -> NDArray[np.
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = rotation, translation_m
     return pose
+
+
+def _shown(numbers: NDArray[np.float64]) -> str:
+    return " ".join(f"{number:.4g}" for number in numbers)
