@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import zipfile
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -16,7 +17,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from handsight.datasets.errors import CorruptDataError, InterchangeError, counted
+from handsight.datasets.errors import CorruptDataError, InterchangeError, counted, headline
 from handsight.datasets.exchange.bundle import Bundle, decisions_from_json, refuse_linked, schema_of_origin
 from handsight.datasets.exchange.lerobot_layout import (
     EPISODES_PER_FILE,
@@ -34,6 +35,9 @@ from handsight.datasets.format.rows import from_row
 from handsight.datasets.format.schema import COLUMNS, VIEWPOINTS, Viewpoint, attempt_id, column_widths
 from handsight.datasets.format.upgrades import columns_of, current_attributes, empty_columns
 from handsight.datasets.records import GraspAttempt, RgbdFrame, StationSpec
+
+_UNPACKING = (zlib.error, EOFError, RuntimeError)
+"""What ``zipfile`` raises besides, of damaged bytes and of encrypted ones."""
 
 _HEADERS = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
 
@@ -59,9 +63,10 @@ def open_bundle(path: Path) -> Iterator[Bundle]:
         decisions = decisions_from_json(origin["decisions"], path)
     except (InterchangeError, CorruptDataError):
         raise
-    except (OSError, KeyError, ValueError, TypeError, AttributeError, zipfile.BadZipFile) as error:
+    except (OSError, KeyError, ValueError, TypeError, AttributeError, zipfile.BadZipFile, *_UNPACKING) as error:
+        reason = f"{type(error).__name__}: {headline(error)}"
         raise InterchangeError(
-            f"{path} lacks what handsight exports beside LeRobot's own files ({type(error).__name__}: {error}): "
+            f"{path} lacks what handsight exports beside LeRobot's own files ({reason}): "
             "a LeRobotDataset of another origin does not say what its label is or where its camera was: describe it in "
             "a map and import it with --map map.toml, or make a table of its pictures (both in docs/datasets.md)"
         ) from error
@@ -103,7 +108,9 @@ def _rows_in_data(path: Path) -> int:
         try:
             rows += pq.read_metadata(file).num_row_groups
         except (OSError, pa.ArrowException) as error:
-            raise CorruptDataError(f"attempts cannot be read from {file}: {error}; take an undamaged copy") from error
+            raise CorruptDataError(
+                f"attempts cannot be read from {file}: {headline(error)}; take an undamaged copy"
+            ) from error
     return rows
 
 
@@ -142,7 +149,8 @@ def _read_attempts(
             pictures = {viewpoint: _rgbd_frame(row, viewpoint, columns, number, station) for viewpoint in VIEWPOINTS}
         except (OSError, KeyError, ValueError, IndexError, TypeError, pa.ArrowException) as error:
             raise CorruptDataError(
-                f"attempt {attempt_id(ulid, number)} cannot be read from {path / name}: {error}; take an undamaged copy"
+                f"attempt {attempt_id(ulid, number)} cannot be read from {path / name}: {headline(error)}; take an "
+                "undamaged copy"
             ) from error
         values = {column.name: columns[f"attempts/{column.name}"][number] for column in COLUMNS}
         yield from_row(values, pictures)

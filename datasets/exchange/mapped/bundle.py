@@ -62,6 +62,9 @@ def open_mapped(path: Path, map_path: Path) -> Iterator[Bundle]:
     with opened as episodes:
         depth = [] if grasps.depth is None else [grasps.depth]
         faults = episodes.faults(numbers=[grasps.label_column, grasps.pose_column], pictures=[grasps.rgb, *depth])
+        unit_m = None if grasps.depth is None else episodes.depth_unit_m(grasps.depth)
+        if unit_m is not None and unit_m != grasps.depth_unit_m:
+            faults.append(f"{grasps.depth} says that its unit is {unit_m} m, and the map {grasps.depth_unit_m} m")
         if faults:
             raise InterchangeError(f"{map_path} does not fit {path}: {'; '.join(faults)}")
         with _read(path, map_path, grasps, episodes) as bundle:

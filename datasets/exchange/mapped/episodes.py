@@ -32,6 +32,10 @@ class EpisodeSet(Protocol):
         """What keeps these columns from being read, before any is."""
         ...
 
+    def depth_unit_m(self, column: str) -> float | None:
+        """Metres in one unit of a depth column, where the set itself says so."""
+        ...
+
     def values(self, episode: int, column: str) -> NDArray[Any]:
         """A column of an episode. Shape (T,) or (T, K); of one value for the whole episode, (1,) or (1, K)."""
         ...
@@ -79,5 +83,6 @@ def as_depth(picture: NDArray[Any], column: str, unit_m: float, scale_m: float) 
         raise InterchangeError(f"{column} is {picture.dtype} {picture.shape}, expected one channel of more than 8 bits")
     if flat.dtype == np.uint16 and unit_m == scale_m:
         return np.ascontiguousarray(flat)
-    units = np.rint(np.nan_to_num(flat.astype(np.float64), nan=0, posinf=0, neginf=0) * (unit_m / scale_m))
+    with np.errstate(all="ignore"):  # What is no number, or too large for one, becomes 0 below.
+        units = np.rint(flat.astype(np.float64) * (unit_m / scale_m))
     return np.where((units >= 0) & (units <= np.iinfo(np.uint16).max), units, 0).astype(np.uint16)

@@ -63,6 +63,10 @@ class Hdf5Set:
                 faults.append(str(error))
         return faults
 
+    def depth_unit_m(self, column: str) -> float | None:
+        """HDF5 has no place for it."""
+        return None
+
     def values(self, episode: int, column: str) -> NDArray[Any]:
         """A column of a demo, or one of its attributes."""
         node = self._node(episode, column)

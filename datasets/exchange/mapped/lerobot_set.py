@@ -88,6 +88,12 @@ class LeRobotSet:
                 faults.append(f"{column} is depth encoded as video, which is lossy: store it as images")
         return faults
 
+    def depth_unit_m(self, column: str) -> float | None:
+        """What LeRobot noted when the depth was recorded."""
+        details = self._features.get(column, {}).get("info")
+        unit = details.get("depth_unit") if isinstance(details, dict) else None
+        return {"mm": 1e-3, "m": 1.0}.get(unit) if isinstance(unit, str) else None
+
     def values(self, episode: int, column: str) -> NDArray[Any]:
         """A column of an episode, from the data or from what is said of episodes."""
         number = self._numbers[episode]

@@ -16,6 +16,9 @@ CONVENTIONS = {"xyz_rotvec": 6, "xyz_quat_wxyz": 7, "xyz_quat_xyzw": 7, "matrix"
 _TOLERANCE = 1e-2
 """Of the length of a quaternion and of the orthonormality of a matrix, which float32 and filters leave inexact."""
 
+_LARGEST = 1e6
+"""Of any number of a pose: a kilometre in millimetres. Far larger ones overflow."""
+
 
 def pose_of(numbers: NDArray[np.float64], convention: str, *, unit_m: float, z_m: float) -> NDArray[np.float64]:
     """The transform that some numbers write. Lengths are in ``unit_m``; ``z_m`` is the height of planar ones.
@@ -23,8 +26,8 @@ def pose_of(numbers: NDArray[np.float64], convention: str, *, unit_m: float, z_m
     Raises:
         ValueError: They are no pose in that convention.
     """
-    if not np.all(np.isfinite(numbers)):
-        raise ValueError(f"pose {_shown(numbers)} is not finite")
+    if not np.all(np.abs(numbers) <= _LARGEST):
+        raise ValueError(f"pose {_shown(numbers)} is not finite, or beyond any robot")
     if convention == "x_y_angle":
         planar = PlanarPose(x_m=float(numbers[0]) * unit_m, y_m=float(numbers[1]) * unit_m, angle_rad=float(numbers[2]))
         return planar.pose_base_tool(z_m)

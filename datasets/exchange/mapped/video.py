@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,9 @@ from numpy.typing import NDArray
 
 from handsight.datasets.errors import InterchangeError
 from handsight.datasets.format.validation import LARGEST_SIDE_PX
+
+_QUIET = "-8"
+"""FFmpeg's level for no messages: what is wrong with a video is in the error that is raised."""
 
 
 class VideoFrames:
@@ -51,7 +55,13 @@ class VideoFrames:
         self.close()
         if not path.is_file():
             raise InterchangeError(f"there is no video {path}")
-        capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
+        os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", _QUIET)
+        level = cv2.utils.logging.getLogLevel()
+        cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+        try:
+            capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
+        finally:
+            cv2.utils.logging.setLogLevel(level)
         sides = [capture.get(side) for side in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT)]
         if not capture.isOpened() or not all(1 <= side <= LARGEST_SIDE_PX for side in sides):
             capture.release()

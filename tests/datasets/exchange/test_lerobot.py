@@ -13,8 +13,18 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from tests.support.factories import make_attempt, make_header, record
+from tests.support.foreign_sets import damage_folder
 
-from handsight.datasets import CorruptDataError, GraspDataset, InterchangeError, export_dataset, import_dataset
+from handsight.datasets import (
+    CorruptDataError,
+    DatasetError,
+    GraspDataset,
+    GraspRepository,
+    InterchangeError,
+    export_dataset,
+    import_dataset,
+)
 from handsight.datasets.exchange.pictures import decoded, tiff
 
 
@@ -92,3 +102,26 @@ def test_a_bad_lerobot_folder_is_refused_and_leaves_nothing(dataset: GraspDatase
     with pytest.raises((InterchangeError, CorruptDataError), match=message):
         import_dataset(tmp_path / "out", tmp_path / "new")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["grasps", "out"]
+
+
+def test_a_damaged_export_is_refused_or_whole(repository: GraspRepository, tmp_path: Path) -> None:
+    """Whatever is damaged, nothing but an error of ours comes out, in one line, or the content that was recorded."""
+    header = make_header()
+    record(repository, header, [make_attempt(header, number) for number in range(5)])
+    dataset = GraspDataset(repository, ref="main")
+    export_dataset(dataset, tmp_path / "whole", format="lerobot")
+    for seed in range(200):
+        source, said = shutil.copytree(tmp_path / "whole", tmp_path / "out"), ""
+        done = damage_folder(source, np.random.default_rng(seed))
+        try:
+            import_dataset(source, tmp_path / "back")
+        except DatasetError as error:
+            said = str(error)
+        except BaseException as error:
+            error.add_note(f"seed {seed}: {done}")
+            raise
+        assert "\n" not in said
+        if not said:
+            assert GraspDataset.open(str(tmp_path / "back")).digest == dataset.digest, f"seed {seed}: {done}"
+            shutil.rmtree(tmp_path / "back")
+        shutil.rmtree(source)

@@ -23,7 +23,7 @@ from tests.support.foreign_sets import (
 from tests.support.refusals import check_refused
 
 from handsight.cli.app import run
-from handsight.datasets import DatasetError, GraspDataset, InterchangeError, Outcome, import_dataset
+from handsight.datasets import DatasetError, GraspDataset, InterchangeError, Outcome, export_dataset, import_dataset
 from handsight.servoing.planar import PlanarPose
 
 
@@ -106,6 +106,30 @@ def test_a_map_that_does_not_fit_is_refused(tmp_path: Path, name: str) -> None:
     with pytest.raises(InterchangeError, match=said):
         import_dataset(unpack_lerobot(tmp_path / "set"), tmp_path / "grasps", map=path)
     assert not (tmp_path / "grasps").exists()
+
+
+def test_an_export_of_ours_comes_in_as_a_foreign_set_too(dataset: GraspDataset, tmp_path: Path) -> None:
+    """Depth in millimetres as LeRobot marks it; a map that says otherwise is refused."""
+    export_dataset(dataset, tmp_path / "set", format="lerobot")
+    tables = {
+        "label": {"column": "next.success"},
+        "picture": {"rgb": "observation.images.overhead", "depth": "observation.depth.overhead"},
+        "pose": {"column": "action", "convention": "x_y_angle", "z_m": 0.02},
+        "camera": {"fx": 10, "fy": 10, "cx": 3.5, "cy": 2.5, "pose_base_camera": [0, 0, 0.5, np.pi, 0, 0]},
+        "gripper": {"stroke_m": 0.085},
+    }
+    import_dataset(tmp_path / "set", tmp_path / "grasps", map=write_map(tmp_path / "map.toml", tables))
+    back = GraspDataset.open(str(tmp_path / "grasps"))
+    for found, recorded in zip(back.attempts.index, dataset.attempts.index, strict=True):
+        attempt, original = back.attempt(found), dataset.attempt(recorded)
+        assert attempt.success == original.success
+        assert attempt.overhead is not None
+        if original.overhead is not None:
+            np.testing.assert_array_equal(attempt.overhead.rgb, original.overhead.rgb)
+            np.testing.assert_array_equal(attempt.overhead.depth, original.overhead.depth)
+    path = write_map(tmp_path / "map.toml", tables, picture={"depth_unit": "m"})
+    with pytest.raises(InterchangeError, match=r"says that its unit is 0.001 m, and the map 1.0 m"):
+        import_dataset(tmp_path / "set", tmp_path / "new", map=path)
 
 
 def test_the_routes_for_foreign_sets_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
