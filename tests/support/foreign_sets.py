@@ -112,8 +112,9 @@ STRANGE: tuple[Any, ...] = (
 def _damage_json(file: Path, rng: np.random.Generator) -> str:
     """Put a strange value in the place of one somewhere in a JSON file."""
     root = json.loads(file.read_text())
-    node, name = {"": root}, ""
+    node: dict[Any, Any] = {"": root}
     parent: Any = node
+    name: Any = ""
     while True:
         inner = parent[name]
         keys = list(inner) if isinstance(inner, dict) else list(range(len(inner))) if isinstance(inner, list) else []

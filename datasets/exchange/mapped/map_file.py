@@ -169,7 +169,7 @@ def _length(low: float, high: float) -> _Check:
     def check(value: object) -> str | None:
         if _number(value) and low <= value <= high:  # type: ignore[operator]
             return None
-        meant = _number(value) and high < abs(value) and low <= abs(value) / 1000 <= high  # type: ignore[arg-type, operator]
+        meant = _number(value) and high < abs(value) and low <= abs(value) / 1000 <= high
         return f"metres from {low:g} to {high:g}" + (": millimetres?" if meant else "")
 
     return check

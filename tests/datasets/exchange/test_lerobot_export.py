@@ -129,8 +129,8 @@ def test_everything_has_statistics_of_what_is_there(dataset: GraspDataset, tmp_p
             expected = getattr(values, measure)(axis=0)
             np.testing.assert_allclose(found[measure].ravel(), expected, rtol=1e-5, atol=1e-12, err_msg=name)
         for measure in MEASURES - {"min", "max", "mean", "std", "count"}:
-            method = "inverted_cdf" if image else "linear"
-            expected = np.quantile(values, int(measure[1:]) / 100, axis=0, method=method)
+            share = int(measure[1:]) / 100
+            expected = np.quantile(values, share, axis=0, method="inverted_cdf" if image else "linear")
             np.testing.assert_allclose(found[measure].ravel(), expected, rtol=1e-5, atol=1e-12, err_msg=name)
 
 

@@ -111,15 +111,15 @@ def test_a_map_that_does_not_fit_is_refused(tmp_path: Path, name: str) -> None:
 def test_an_export_of_ours_comes_in_as_a_foreign_set_too(dataset: GraspDataset, tmp_path: Path) -> None:
     """Depth in millimetres as LeRobot marks it; a map that says otherwise is refused."""
     export_dataset(dataset, tmp_path / "set", format="lerobot")
-    tables = {
+    tables: dict[str, dict[str, Any]] = {
         "label": {"column": "next.success"},
         "picture": {"rgb": "observation.images.overhead", "depth": "observation.depth.overhead"},
         "pose": {"column": "action", "convention": "x_y_angle", "z_m": 0.02},
         "camera": {"fx": 10, "fy": 10, "cx": 3.5, "cy": 2.5, "pose_base_camera": [0, 0, 0.5, np.pi, 0, 0]},
         "gripper": {"stroke_m": 0.085},
     }
-    import_dataset(tmp_path / "set", tmp_path / "grasps", map=write_map(tmp_path / "map.toml", tables))
-    back = GraspDataset.open(str(tmp_path / "grasps"))
+    import_dataset(tmp_path / "set", tmp_path / "copy", map=write_map(tmp_path / "map.toml", tables))
+    back = GraspDataset.open(str(tmp_path / "copy"))
     for found, recorded in zip(back.attempts.index, dataset.attempts.index, strict=True):
         attempt, original = back.attempt(found), dataset.attempt(recorded)
         assert attempt.success == original.success
