@@ -13,7 +13,6 @@ from handsight.datasets.address import DEFAULT_REF, Location, S3Prefix, location
 from handsight.datasets.atomic import atomic_folder
 from handsight.datasets.errors import InterchangeError
 from handsight.datasets.exchange.formats import format_named, format_of
-from handsight.datasets.exchange.mapped.bundle import open_mapped
 from handsight.datasets.exchange.transfer import TransferReport, transfer
 from handsight.datasets.reading.reader import GraspDataset
 from handsight.datasets.store.icechunk_engine import sync_file_system
@@ -93,6 +92,8 @@ def import_dataset(
         chosen = format_of(path) if format is None else format_named(format)
         name, opened = chosen.name, chosen.open(path)
     else:
+        from handsight.datasets.exchange.mapped.bundle import open_mapped  # SciPy, which other imports do without
+
         name, opened = "mapped", open_mapped(path, Path(map))
     message = f"import {path.name} ({name})"
     with opened as bundle, _destination(location, dry_run=dry_run) as repository:

@@ -46,7 +46,7 @@ import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
@@ -159,7 +159,7 @@ def _map_of(values: Mapping[str, Mapping[str, Any]]) -> GraspMap:
     )
 
 
-def _number(value: object) -> bool:
+def _number(value: object) -> TypeGuard[float]:
     return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < 1e9
 
 
@@ -167,7 +167,7 @@ def _length(low: float, high: float) -> _Check:
     """A length within a range; one a thousand times too large is taken for millimetres."""
 
     def check(value: object) -> str | None:
-        if _number(value) and low <= value <= high:  # type: ignore[operator]
+        if _number(value) and low <= value <= high:
             return None
         meant = _number(value) and high < abs(value) and low <= abs(value) / 1000 <= high
         return f"metres from {low:g} to {high:g}" + (": millimetres?" if meant else "")
@@ -192,11 +192,11 @@ def _one_of(*words: str) -> _Check:
 
 
 def _within(low: float, high: float, what: str) -> _Check:
-    return lambda value: None if _number(value) and low <= value <= high else what  # type: ignore[operator]
+    return lambda value: None if _number(value) and low <= value <= high else what
 
 
 def _depth_unit(value: object) -> str | None:
-    fits = value in ("mm", "m") if isinstance(value, str) else _number(value) and 1e-6 <= value <= 1  # type: ignore[operator]
+    fits = value in ("mm", "m") if isinstance(value, str) else _number(value) and 1e-6 <= value <= 1
     return None if fits else "mm, m, or the metres of one unit"
 
 
