@@ -188,6 +188,7 @@ COMMANDS = (
         (
             "handsight dataset import grasps.hdf5 grasps --dry-run",
             "handsight dataset import pictures grasps -f images",
+            "handsight dataset import ur5e_grasps grasps --map map.toml --dry-run",
         ),
     ),
     LazyCommand(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -48,12 +48,19 @@ def import_command(
     format: Annotated[
         str | None, typer.Option("--format", "-f", help="One of hdf5, zarr, lerobot, images, instead of looking.")
     ] = None,
+    map: Annotated[
+        Path | None,
+        typer.Option("--map", help="TOML file that says what the columns of a foreign LeRobot or HDF5 set mean."),
+    ] = None,
     branch: TargetBranch = "main",
     allow_mismatch: AllowMismatch = False,
     dry_run: DryRun = False,
     as_json: Json = False,
 ) -> None:
-    """Add what another format holds to a dataset: all of it or, after any fault, nothing."""
+    """Add what another format holds to a dataset: all of it or, after any fault, nothing.
+
+    What handsight exported needs no map; a table of pictures and the map of a foreign set are in docs/datasets.md.
+    """
     from handsight.datasets.exchange.commands import import_dataset  # a second; see above
 
     with progress_bar("import", 0) as bar:
@@ -61,6 +68,7 @@ def import_command(
             source,
             dataset,
             format=format,
+            map=map,
             branch=branch,
             allow_mismatch=allow_mismatch,
             dry_run=dry_run,
@@ -68,9 +76,12 @@ def import_command(
             on_attempt=bar.advance,
         )
     if as_json:
-        print_json({"format": report.format, "created": report.created, **_as_json(report.transfer)})
+        mapped = {} if report.preview is None else {"mapped": report.preview}
+        print_json({"format": report.format, "created": report.created, **_as_json(report.transfer), **mapped})
         return
     _print_report(report.transfer, f"{source} ({report.format})", dataset, dry_run=dry_run)
+    if report.preview is not None:
+        _print_preview(report.preview)
 
 
 def merge_command(
@@ -144,3 +155,15 @@ def _print_report(report: TransferReport, source: str, target: str, *, dry_run: 
     console.print(f"{verb} {sessions} of {source} to [bold]{target}[/]")
     for ulid in report.duplicates:
         console.print(f"left out session {ulid}: its attempts are there already")
+
+
+def _print_preview(preview: dict[str, Any]) -> None:
+    """What a map made of a set, to be compared with what its owner knows of the first attempt."""
+    console.print(f"{preview['held']} held, {preview['empty']} empty")
+    first = preview["first"]
+    console.print(f"the first is {first['name']}, {'held' if first['held'] else 'empty'}:")
+    width, height = first["picture_px"]
+    depth = "no depth" if first["depth_units"] is None else "depth {} to {} units".format(*first["depth_units"])
+    console.print("  picture {}x{}, {}, tool at {} {} {} m".format(width, height, depth, *first["picture_tool_xyz_m"]))
+    x_m, y_m, angle_rad = first["grasp_x_y_m_angle_rad"]
+    console.print(f"  grasp at {x_m} {y_m} {first['grasp_z_m']} m, {angle_rad} rad")

@@ -24,6 +24,8 @@ class Bundle:
     sessions: Sequence[SessionSource]
     decisions: Sequence[Decision] = ()
     """Oldest first."""
+    preview: dict[str, Any] | None = None
+    """What a map makes of a set, as JSON values; None where no map was needed."""
 
 
 def origin_of(dataset: GraspDataset) -> dict[str, Any]:
@@ -45,6 +47,11 @@ def schema_of_origin(origin: dict[str, Any], where: object) -> int:
         InterchangeError: It is newer than this handsight's, or none is named.
     """
     version = origin.get("schema_version")
+    if version is None:
+        raise InterchangeError(
+            f"{where} has schema version None: it was not exported by handsight; describe a set of other origin in a "
+            "map and import it with --map map.toml, or make a table of its pictures (both in docs/datasets.md)"
+        )
     if not isinstance(version, int) or isinstance(version, bool) or version < 1:
         raise InterchangeError(
             f"{where} has schema version {version!r}, expected 1 to {SCHEMA_VERSION}: it was not exported by handsight"

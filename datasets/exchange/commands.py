@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from handsight.datasets.address import DEFAULT_REF, Location, S3Prefix, location_of
 from handsight.datasets.atomic import atomic_folder
@@ -26,6 +27,8 @@ class ImportReport:
     created: bool
     """Whether the dataset was made by this import."""
     transfer: TransferReport
+    preview: dict[str, Any] | None = None
+    """What a map made of the set: ``held``, ``empty`` and the ``first`` attempt; None without a map."""
 
 
 def export_dataset(
@@ -55,6 +58,7 @@ def import_dataset(
     target: str | Location,
     *,
     format: str | None = None,
+    map: str | Path | None = None,
     branch: str = DEFAULT_REF,
     allow_mismatch: bool = False,
     dry_run: bool = False,
@@ -69,6 +73,7 @@ def import_dataset(
         source: What to import.
         target: The dataset; in a bucket it must exist already.
         format: Name of the format; None to look at the source.
+        map: A file that says what the columns of a foreign LeRobotDataset or HDF5 file mean, see ``mapped/map_file``.
         branch: The branch of an existing dataset that moves.
         allow_mismatch: Take sessions recorded with other instruments than those the dataset knows.
         dry_run: Check and report, and change nothing.
@@ -76,12 +81,22 @@ def import_dataset(
         on_attempt: Called for every attempt written.
 
     Raises:
-        InterchangeError: The source is in no known format or is malformed.
+        InterchangeError: The source is in no known format or is malformed, or the map is.
     """
     path, location = Path(source), location_of(target)
-    chosen = format_of(path) if format is None else format_named(format)
-    message = f"import {path.name} ({chosen.name})"
-    with chosen.open(path) as bundle, _destination(location, dry_run=dry_run) as repository:
+    if map is not None and format is not None:
+        raise InterchangeError(
+            f"format {format!r} and a map are given: a map says itself what the set is; leave one out"
+        )
+    if map is None:
+        chosen = format_of(path) if format is None else format_named(format)
+        name, opened = chosen.name, chosen.open(path)
+    else:
+        from handsight.datasets.exchange.mapped.bundle import open_mapped  # SciPy, which other imports do without
+
+        name, opened = "mapped", open_mapped(path, Path(map))
+    message = f"import {path.name} ({name})"
+    with opened as bundle, _destination(location, dry_run=dry_run) as repository:
         report = transfer(
             repository,
             bundle.sessions,
@@ -94,7 +109,7 @@ def import_dataset(
             on_attempt=on_attempt,
         )
         created = repository.path != location
-    return ImportReport(format=chosen.name, created=created and not dry_run, transfer=report)
+    return ImportReport(format=name, created=created and not dry_run, transfer=report, preview=bundle.preview)
 
 
 @contextmanager

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from handsight.datasets.errors import InterchangeError
-from handsight.datasets.exchange import hdf5, image_table, lerobot, plain_zarr
+from handsight.datasets.exchange import hdf5, image_table, lerobot, lerobot_export, plain_zarr
 from handsight.datasets.exchange.bundle import Bundle
 from handsight.datasets.reading.reader import GraspDataset
 
@@ -49,7 +49,7 @@ FORMATS: tuple[Format, ...] = (
         description="a LeRobotDataset v3.0 folder",
         recognises=lerobot.recognises,
         open=lerobot.open_bundle,
-        write=lerobot.write,
+        write=lerobot_export.write,
     ),
     Format(
         name="images",
@@ -87,4 +87,7 @@ def format_of(path: Path) -> Format:
         if one.recognises(path):
             return one
     known: Sequence[str] = [f"{one.name} ({one.description})" for one in FORMATS]
-    raise InterchangeError(f"{path} is in no known format, expected {'; '.join(known)}")
+    raise InterchangeError(
+        f"{path} is in no known format, expected {'; '.join(known)}. Pictures of your own take an attempts.csv and a "
+        "station.json beside them, a LeRobot or HDF5 set of other origin a map (--map map.toml): see docs/datasets.md"
+    )

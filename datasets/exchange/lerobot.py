@@ -1,96 +1,50 @@
-"""LeRobotDataset v3.0: one episode of one frame for each attempt, pictures as PNG inside the Parquet files.
-
-::
-
-    meta/info.json, meta/tasks.parquet, meta/stats.json, meta/episodes/chunk-000/file-000.parquet
-    data/chunk-000/file-<k>.parquet       one row for each attempt:
-        observation.images.<viewpoint>         RGB, PNG; null where the picture was never taken
-        observation.images.<viewpoint>_depth   16-bit PNG in units of the camera's depth scale, every bit kept
-        observation.state                 f4 (3,), tool pose of the overhead picture: x [m], y [m], angle [rad]
-        action                            f4 (3,), pre-grasp x [m], y [m], angle [rad] in the base frame
-        next.reward, next.success, timestamp, frame_index, episode_index, index, task_index
-    meta/handsight/origin.json            what LeRobot has no place for: versions, curation,
-    meta/handsight/<ulid>.json, .npz      and of every session its attributes and columns, as in schema.py
-
-LeRobot's own video encoding would quantise depth; pictures in Parquet do not. What lies in ``meta/handsight`` is what
-brings every byte back; LeRobot does not read it.
-"""
+"""Import of a LeRobotDataset that handsight exported; ``lerobot_layout`` says what it looks like."""
 
 from __future__ import annotations
 
 import json
 import zipfile
-from collections.abc import Callable, Iterator
+import zlib
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
-import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from handsight.datasets.errors import CorruptDataError, InterchangeError
-from handsight.datasets.exchange.bundle import (
-    Bundle,
-    decisions_from_json,
-    decisions_to_json,
-    origin_of,
-    refuse_linked,
-    schema_of_origin,
+from handsight.datasets.errors import CorruptDataError, InterchangeError, counted, headline
+from handsight.datasets.exchange.bundle import Bundle, decisions_from_json, refuse_linked, schema_of_origin
+from handsight.datasets.exchange.lerobot_layout import (
+    EPISODES_PER_FILE,
+    SIDE,
+    data_file,
+    depth_key,
+    depth_of_mm,
+    flat_name,
+    rgb_key,
+    valid_key,
 )
-from handsight.datasets.exchange.sources import SessionSource, checked_source, stored_sources
-from handsight.datasets.format.arrays import array_at, group_at, read_rows
-from handsight.datasets.format.rows import frame_of, from_row
-from handsight.datasets.format.schema import COLUMNS, SESSIONS, VIEWPOINTS, Viewpoint, attempt_id, column_widths
-from handsight.datasets.format.upgrades import columns_since, current_attributes, empty_columns
-from handsight.datasets.reading.reader import GraspDataset
-from handsight.datasets.records import GraspAttempt, RgbdFrame
-from handsight.datasets.writing.batches import column_paths
-from handsight.servoing.planar import PlanarPose
+from handsight.datasets.exchange.pictures import decoded
+from handsight.datasets.exchange.sources import SessionSource, checked_source
+from handsight.datasets.format.rows import from_row
+from handsight.datasets.format.schema import COLUMNS, VIEWPOINTS, Viewpoint, attempt_id, column_widths
+from handsight.datasets.format.upgrades import columns_of, current_attributes, empty_columns
+from handsight.datasets.records import GraspAttempt, RgbdFrame, StationSpec
 
-_VERSION = "v3.0"
-_FPS = 1
-_TASK = "grasp"
-_EPISODES_PER_FILE = 256
-"""About 250 MB of pictures in one data file."""
-_DATA = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
-_EPISODES = "meta/episodes/chunk-000/file-000.parquet"
-_SIDE = "meta/handsight"
-_PICTURE = pa.struct([("bytes", pa.binary()), ("path", pa.string())])
-_INTEGERS = ("frame_index", "episode_index", "index", "task_index")
+_UNPACKING = (zlib.error, EOFError, RuntimeError)
+"""What ``zipfile`` raises besides, of damaged bytes and of encrypted ones."""
+
+_HEADERS = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
 
 
 def recognises(path: Path) -> bool:
     """Whether the path is a folder with a LeRobotDataset."""
     return path.is_dir() and (path / "meta" / "info.json").is_file()
-
-
-def write(dataset: GraspDataset, path: Path, on_attempt: Callable[[], None]) -> None:
-    """Write a version to a new folder."""
-    root = dataset.root
-    sources = stored_sources(root)
-    for folder in (_SIDE, Path(_EPISODES).parent, "data/chunk-000"):
-        (path / folder).mkdir(parents=True)
-    first = 0
-    for source in sources:
-        group = group_at(root, f"{SESSIONS}/{source.ulid}")
-        columns = {name: read_rows(array_at(group, name), 0, source.size) for name in column_paths()}
-        with zipfile.ZipFile(path / _SIDE / f"{source.ulid}.npz", "x", zipfile.ZIP_DEFLATED) as file:
-            for name, values in columns.items():
-                with file.open(f"{_flat_name(name)}.npy", "w", force_zip64=True) as entry:
-                    np.lib.format.write_array(entry, values, allow_pickle=False)
-        described = {"attributes": source.attributes, "first_episode": first}
-        (path / _SIDE / f"{source.ulid}.json").write_text(json.dumps(described))
-        first += source.size
-    statistics = _write_frames(path, sources, on_attempt)
-    _write_meta(path, sources, first, statistics)
-    origin = {**origin_of(dataset), "decisions": decisions_to_json(dataset.overlay.decisions)}
-    (path / _SIDE / "origin.json").write_text(json.dumps(origin))
 
 
 @contextmanager
@@ -102,221 +56,121 @@ def open_bundle(path: Path) -> Iterator[Bundle]:
     """
     refuse_linked(path)
     try:
-        origin = json.loads((path / _SIDE / "origin.json").read_text())
+        origin = json.loads((path / SIDE / "origin.json").read_text())
         schema = schema_of_origin(origin, path)
-        ulids = sorted(file.stem for file in (path / _SIDE).glob("*.npz"))
+        ulids = sorted(file.stem for file in (path / SIDE).glob("*.npz"))
         sessions = [_source(path, ulid, schema) for ulid in ulids]
         decisions = decisions_from_json(origin["decisions"], path)
-    except InterchangeError:
+    except (InterchangeError, CorruptDataError):
         raise
-    except (OSError, KeyError, ValueError, TypeError, AttributeError, zipfile.BadZipFile) as error:
+    except (OSError, KeyError, ValueError, TypeError, AttributeError, zipfile.BadZipFile, *_UNPACKING) as error:
+        reason = f"{type(error).__name__}: {headline(error)}"
         raise InterchangeError(
-            f"{path} lacks what handsight exports beside LeRobot's own files ({type(error).__name__}: {error}): "
-            "a LeRobotDataset of another origin holds no calibrated attempts"
+            f"{path} lacks what handsight exports beside LeRobot's own files ({reason}): "
+            "a LeRobotDataset of another origin does not say what its label is or where its camera was: describe it in "
+            "a map and import it with --map map.toml, or make a table of its pictures (both in docs/datasets.md)"
         ) from error
     yield Bundle(sessions=sessions, decisions=decisions)
 
 
-def _write_frames(
-    path: Path, sources: list[SessionSource], on_attempt: Callable[[], None]
-) -> dict[str, list[NDArray[np.float64]]]:
-    """Write the data files; returns the numbers of every attempt, for the statistics."""
-    numbers: dict[str, list[NDArray[np.float64]]] = {"observation.state": [], "action": [], "next.reward": []}
-    episode, writer = 0, None
-    try:
-        for source in sources:
-            for attempt in source.attempts():
-                if episode % _EPISODES_PER_FILE == 0:
-                    if writer is not None:
-                        writer.close()
-                    writer = pq.ParquetWriter(path / _file_of(episode), _schema(), compression="none")
-                assert writer is not None
-                row = _frame(attempt, episode)
-                writer.write_table(pa.Table.from_pylist([row], schema=_schema()))
-                for name, values in numbers.items():
-                    values.append(np.atleast_1d(np.asarray(row[name], np.float64)))
-                episode += 1
-                on_attempt()
-        if writer is None:
-            writer = pq.ParquetWriter(path / _file_of(0), _schema(), compression="none")
-    finally:
-        if writer is not None:
-            writer.close()
-    return numbers
-
-
-def _frame(attempt: GraspAttempt, episode: int) -> dict[str, Any]:
-    pictures: dict[str, Any] = {}
-    for viewpoint in VIEWPOINTS:
-        frame = frame_of(attempt, viewpoint)
-        rgb = None if frame is None else cv2.cvtColor(frame.rgb, cv2.COLOR_RGB2BGR)
-        pictures[f"observation.images.{viewpoint}"] = _png(rgb)
-        pictures[f"observation.images.{viewpoint}_depth"] = _png(None if frame is None else frame.depth)
-    state = (float("nan"),) * 3
-    if attempt.overhead is not None:
-        pose = PlanarPose.from_pose_base_tool(attempt.overhead.pose_base_tool)
-        state = (pose.x_m, pose.y_m, pose.angle_rad)
-    return {
-        **pictures,
-        "observation.state": state,
-        "action": (attempt.pregrasp_x_m, attempt.pregrasp_y_m, attempt.pregrasp_angle_rad),
-        "next.reward": float(attempt.success),
-        "next.success": attempt.success,
-        "timestamp": 0.0,
-        "frame_index": 0,
-        "episode_index": episode,
-        "index": episode,
-        "task_index": 0,
-    }
-
-
-def _schema() -> pa.Schema:
-    images = [
-        (f"observation.images.{viewpoint}{kind}", _PICTURE) for viewpoint in VIEWPOINTS for kind in ("", "_depth")
-    ]
-    triple = pa.list_(pa.float32(), 3)
-    numbers = [("observation.state", triple), ("action", triple), ("next.reward", pa.float32())]
-    rest = [("next.success", pa.bool_()), ("timestamp", pa.float32()), *((name, pa.int64()) for name in _INTEGERS)]
-    return pa.schema([*images, *numbers, *rest])
-
-
-def _write_meta(
-    path: Path, sources: list[SessionSource], episodes: int, numbers: dict[str, list[NDArray[np.float64]]]
-) -> None:
-    index = list(range(episodes))
-    table = {
-        "episode_index": index,
-        "tasks": [[_TASK]] * episodes,
-        "length": [1] * episodes,
-        "dataset_from_index": index,
-        "dataset_to_index": [one + 1 for one in index],
-        "data/chunk_index": [0] * episodes,
-        "data/file_index": [one // _EPISODES_PER_FILE for one in index],
-        "meta/episodes/chunk_index": [0] * episodes,
-        "meta/episodes/file_index": [0] * episodes,
-    }
-    pq.write_table(pa.table(table), path / _EPISODES)
-    pd.DataFrame({"task_index": [0]}, index=pd.Index([_TASK])).to_parquet(path / "meta/tasks.parquet")
-    statistics = {name: _statistics(np.array(values)) for name, values in numbers.items() if values}
-    (path / "meta/stats.json").write_text(json.dumps(statistics))
-    info = {
-        "codebase_version": _VERSION,
-        "robot_type": sources[0].header.station.source if sources else None,
-        "total_episodes": episodes,
-        "total_frames": episodes,
-        "total_tasks": 1,
-        "chunks_size": 1000,
-        "data_files_size_in_mb": 500,
-        "video_files_size_in_mb": 500,
-        "fps": _FPS,
-        "splits": {"train": f"0:{episodes}"},
-        "data_path": _DATA,
-        "video_path": None,
-        "features": _features(sources),
-    }
-    (path / "meta/info.json").write_text(json.dumps(info, indent=4))
-
-
-def _features(sources: list[SessionSource]) -> dict[str, Any]:
-    """LeRobot's description of the columns; pictures have the size of the first session's."""
-    size = (480, 640)
-    if sources:
-        intrinsics = sources[0].header.station.camera.intrinsics
-        size = (intrinsics.height, intrinsics.width)
-    axes = ["height", "width", "channels"]
-    pose = {"dtype": "float32", "shape": [3], "names": ["x_m", "y_m", "angle_rad"]}
-    images = {
-        f"observation.images.{viewpoint}{kind}": {"dtype": "image", "shape": [*size, channels], "names": axes}
-        for viewpoint in VIEWPOINTS
-        for kind, channels in (("", 3), ("_depth", 1))
-    }
-    return {
-        **images,
-        "observation.state": pose,
-        "action": pose,
-        "next.reward": {"dtype": "float32", "shape": [1], "names": None},
-        "next.success": {"dtype": "bool", "shape": [1], "names": None},
-        "timestamp": {"dtype": "float32", "shape": [1], "names": None},
-        **{name: {"dtype": "int64", "shape": [1], "names": None} for name in _INTEGERS},
-    }
-
-
-def _statistics(values: NDArray[np.float64]) -> dict[str, list[float]]:
-    """Over the attempts for which every value is known. ``values`` has shape (N, K)."""
-    known = values[np.isfinite(values).all(axis=1)]
-    if not len(known):
-        known = np.zeros((1, values.shape[1]))
-    measures = {name: getattr(known, name)(axis=0).tolist() for name in ("min", "max", "mean", "std")}
-    return {**measures, "count": [len(known)]}
-
-
 def _source(path: Path, ulid: str, schema: int) -> SessionSource:
-    described = json.loads((path / _SIDE / f"{ulid}.json").read_text())
+    described = json.loads((path / SIDE / f"{ulid}.json").read_text())
     attributes = current_attributes(described["attributes"], schema)
-    added = {f"attempts/{column.name}" for column in columns_since(schema)}
-    with np.load(path / _SIDE / f"{ulid}.npz", allow_pickle=False) as file:
-        columns = {name: file[_flat_name(name)] for name in column_paths() if name not in added}
-    size = len(columns["attempts/number"])
-    source = checked_source(ulid, attributes, size=size)
-    widths = column_widths(source.header)
+    with zipfile.ZipFile(path / SIDE / f"{ulid}.npz") as file:
+        size = _shape(file, "attempts/number", "int64", path)[0]
+        rows = _rows_in_data(path)
+        if size > rows:
+            # Before any column is read: a few bytes suffice to claim any number of rows.
+            raise InterchangeError(
+                f"{path}: session {ulid} claims {counted(size, 'attempt')}, and the data have {counted(rows, 'row')}"
+            )
+        source = checked_source(ulid, attributes, size=size)
+        widths = column_widths(source.header)
+        columns = {
+            f"attempts/{one.name}": _array(file, f"attempts/{one.name}", one.dtype, (size, *one.shape(widths)), path)
+            for one in columns_of(schema)
+        }
+        for viewpoint in VIEWPOINTS:
+            name = f"{viewpoint}/pose_base_tool"
+            columns[name] = _array(file, name, "float64", (size, 4, 4), path)
     columns |= {f"attempts/{name}": values for name, values in empty_columns(schema, size, widths).items()}
-    for column in COLUMNS:
-        found = columns[f"attempts/{column.name}"]
-        if found.dtype != np.dtype(column.dtype) or found.shape != (size, *column.shape(widths)):
-            raise InterchangeError(f"{path}: column {column.name} of session {ulid} is {found.dtype} {found.shape}")
-    for viewpoint in VIEWPOINTS:
-        if columns[f"{viewpoint}/pose_base_tool"].shape != (size, 4, 4):
-            raise InterchangeError(f"{path}: the poses of {viewpoint} of session {ulid} have another shape")
+    first, station = int(described["first_episode"]), source.header.station
     return replace(
         source,
-        attempts=partial(_read_attempts, path, ulid, columns, int(described["first_episode"])),
+        attempts=partial(_read_attempts, path, ulid, columns, first, station),
         digests=tuple(digest.tobytes() for digest in columns["attempts/digest"]),
     )
 
 
-def _read_attempts(path: Path, ulid: str, columns: dict[str, NDArray[Any]], first: int) -> Iterator[GraspAttempt]:
+def _rows_in_data(path: Path) -> int:
+    rows = 0
+    for file in sorted(path.glob("data/*/*.parquet")):
+        try:
+            rows += pq.read_metadata(file).num_row_groups
+        except (OSError, pa.ArrowException) as error:
+            raise CorruptDataError(
+                f"attempts cannot be read from {file}: {headline(error)}; take an undamaged copy"
+            ) from error
+    return rows
+
+
+def _shape(file: zipfile.ZipFile, name: str, dtype: str, path: Path) -> tuple[int, ...]:
+    """The shape that an array of a ``.npz`` claims."""
+    with file.open(f"{flat_name(name)}.npy") as entry:
+        shape, _, found = _HEADERS[np.lib.format.read_magic(entry)](entry)
+    if found.hasobject:
+        raise ValueError(f"column {name} is pickled")
+    if found != np.dtype(dtype) or not shape:
+        raise InterchangeError(f"{path}: column {name} in {file.filename} is {found} {shape}, expected {dtype}")
+    return tuple(int(side) for side in shape)
+
+
+def _array(file: zipfile.ZipFile, name: str, dtype: str, shape: tuple[int, ...], path: Path) -> NDArray[Any]:
+    """An array whose type and shape are known, so that a file cannot ask for more memory than it should."""
+    found = _shape(file, name, dtype, path)
+    if found != shape:
+        raise InterchangeError(f"{path}: column {name} in {file.filename} has shape {found}, expected {shape}")
+    with file.open(f"{flat_name(name)}.npy") as entry:
+        return np.asarray(np.lib.format.read_array(entry, allow_pickle=False))
+
+
+def _read_attempts(
+    path: Path, ulid: str, columns: dict[str, NDArray[Any]], first: int, station: StationSpec
+) -> Iterator[GraspAttempt]:
     file, opened = None, ""
     for number in range(len(columns["attempts/number"])):
         episode = first + number
-        name = _file_of(episode)
+        name = data_file(episode)
         try:
             if name != opened:
                 file, opened = pq.ParquetFile(path / name), name
             assert file is not None
-            row = file.read_row_group(episode % _EPISODES_PER_FILE).to_pylist()[0]
-            pictures = {viewpoint: _rgbd_frame(row, viewpoint, columns, number) for viewpoint in VIEWPOINTS}
-        except (OSError, KeyError, ValueError, IndexError, TypeError, cv2.error, pa.ArrowException) as error:
+            row = file.read_row_group(episode % EPISODES_PER_FILE).to_pylist()[0]
+            pictures = {viewpoint: _rgbd_frame(row, viewpoint, columns, number, station) for viewpoint in VIEWPOINTS}
+        except (OSError, KeyError, ValueError, IndexError, TypeError, pa.ArrowException) as error:
             raise CorruptDataError(
-                f"attempt {attempt_id(ulid, number)} cannot be read from {path / name}: {error}; take an undamaged copy"
+                f"attempt {attempt_id(ulid, number)} cannot be read from {path / name}: {headline(error)}; take an "
+                "undamaged copy"
             ) from error
         values = {column.name: columns[f"attempts/{column.name}"][number] for column in COLUMNS}
         yield from_row(values, pictures)
 
 
 def _rgbd_frame(
-    row: dict[str, Any], viewpoint: Viewpoint, columns: dict[str, NDArray[Any]], number: int
+    row: dict[str, Any], viewpoint: Viewpoint, columns: dict[str, NDArray[Any]], number: int, station: StationSpec
 ) -> RgbdFrame | None:
-    if not columns["attempts/picture_taken"][number, VIEWPOINTS.index(viewpoint)]:
+    taken = bool(columns["attempts/picture_taken"][number, VIEWPOINTS.index(viewpoint)])
+    if row.get(valid_key(viewpoint), taken) != taken:
+        raise InterchangeError(f"{valid_key(viewpoint)} is {not taken}, and what was recorded says {taken}")
+    if not taken:
         return None
-    bgr, depth = (_decoded(row[f"observation.images.{viewpoint}{kind}"]["bytes"]) for kind in ("", "_depth"))
+    intrinsics = station.camera.intrinsics
+    size = (intrinsics.height, intrinsics.width)
     pose = columns[f"{viewpoint}/pose_base_tool"][number]
-    return RgbdFrame(rgb=np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB)), depth=depth, pose_base_tool=pose)
-
-
-def _png(picture: NDArray[Any] | None) -> dict[str, Any] | None:
-    return None if picture is None else {"bytes": cv2.imencode(".png", picture)[1].tobytes(), "path": None}
-
-
-def _decoded(data: bytes) -> NDArray[Any]:
-    picture = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
-    if picture is None:
-        raise ValueError("a picture cannot be decoded")
-    return np.asarray(picture)
-
-
-def _file_of(episode: int) -> str:
-    return _DATA.format(chunk_index=0, file_index=episode // _EPISODES_PER_FILE)
-
-
-def _flat_name(path: str) -> str:
-    return path.replace("/", ".")
+    rgb = decoded(row[rgb_key(viewpoint)]["bytes"], size=size)
+    if depth_key(viewpoint) in row:
+        depth = depth_of_mm(decoded(row[depth_key(viewpoint)]["bytes"], size=size), station.depth_scale_m)
+    else:
+        # Older exports hold depth as it was recorded, as PNG of 16 bits.
+        depth = decoded(row[f"{rgb_key(viewpoint)}_depth"]["bytes"], size=size)
+    return RgbdFrame(rgb=rgb, depth=depth, pose_base_tool=pose)
