@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import trimesh
@@ -66,7 +67,8 @@ def _statements(materials: Mapping[str, Material], companions: Companions) -> li
 def place_pictures(scene: trimesh.Scene, materials: Mapping[str, Material]) -> None:
     """Lay pictures on the surfaces as the options of their libraries say."""
     for mesh in scene.geometry.values():
-        visual = getattr(mesh, "visual", None)
+        # trimesh's classes of looks carry no annotations.
+        visual: Any = getattr(mesh, "visual", None)
         material = materials.get(getattr(getattr(visual, "material", None), "name", None) or "")
         if material is None or getattr(visual, "uv", None) is None:
             continue
