@@ -36,6 +36,8 @@ from handsight.cli.errors import EXPECTED
 
 LIMIT_S = 5.0
 LIMIT_BYTES = 10**9
+WORDS = ("options", "where", "refs")
+"""Parsers of words, of which good ones are tried by the tests of each command."""
 OUTCOMES = ("accepted", "refused", "traceback", "over 5 s", "over 1 GB", "crashed")
 
 
@@ -66,6 +68,15 @@ class Workbench:
         finally:
             os.chdir(before)
 
+    def accept(self) -> None:
+        """Read the good input, unless all that is spoilt are words.
+
+        Raises:
+            Exception: As the parser does.
+        """
+        if self._name not in WORDS:
+            assert self._parser.parse(self._folder / "good", None) == 0
+
     def outcome(self, seed: int, index: int) -> tuple[str, str]:
         """What became of one input, and the error where there is one that should not be."""
         try:
@@ -83,6 +94,8 @@ class Workbench:
 def child(name: str, seed: int, first: int, last: int) -> None:
     """Try inputs, and tell of each on a line before and after."""
     said = os.fdopen(os.dup(1), "w")
+    # Libraries, and processes that commands start, write where they like.
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
     with tempfile.TemporaryDirectory(prefix="handsight-fuzz-") as folder:
         bench = Workbench(name, Path(folder))
         for index in range(first, last):

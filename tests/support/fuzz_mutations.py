@@ -104,7 +104,11 @@ def mutate_json_text(text: str, rng: np.random.Generator) -> str:
     """The text of a tree, changed as a tree mostly, and as text now and then."""
     if rng.random() < 0.2:
         return mutate_text(text, rng)
-    return json.dumps(mutate_json(json.loads(text), rng))
+    try:
+        return json.dumps(mutate_json(json.loads(text), rng))
+    except (ValueError, RecursionError):
+        # It was spoilt before.
+        return mutate_text(text, rng)
 
 
 def mutate_cells(text: str, rng: np.random.Generator) -> str:
@@ -143,7 +147,7 @@ def mutate_file(path: Path, rng: np.random.Generator) -> None:
     if how is None or rng.random() < 0.2:
         path.write_bytes(mutate_bytes(content, rng))
     else:
-        path.write_text(how(content.decode(), rng), errors="surrogatepass")
+        path.write_text(how(content.decode(errors="replace"), rng), errors="surrogatepass")
 
 
 def mutate_folder(folder: Path, rng: np.random.Generator) -> None:
