@@ -29,10 +29,10 @@ if "tests" not in sys.modules:
     sys.modules["tests"] = types.ModuleType("tests")
     sys.modules["tests"].__path__ = [str(ROOT / "tests")]
 
-import numpy as np
-from tests.support.fuzz_parsers import PARSERS
+import numpy as np  # noqa: E402 -- once `tests` is known
+from tests.support.fuzz_parsers import PARSERS  # noqa: E402
 
-from handsight.cli.errors import EXPECTED
+from handsight.cli.errors import EXPECTED  # noqa: E402
 
 LIMIT_S = 5.0
 LIMIT_BYTES = 10**9
@@ -122,9 +122,7 @@ def sweep(name: str, seed: int, inputs: int, first: int = 0) -> tuple[Counter[st
     return counts, findings
 
 
-def _follow(
-    lines: IO[bytes], name: str, seed: int, index: int, counts: Counter[str], findings: list[str]
-) -> int:
+def _follow(lines: IO[bytes], name: str, seed: int, index: int, counts: Counter[str], findings: list[str]) -> int:
     """Read what a child says until it ends or hangs; the index to go on with."""
     begun, baseline = False, 0
     while True:

@@ -13,7 +13,17 @@ T = TypeVar("T")
 ODD_VALUES: tuple[Any, ...] = (
     *(None, True, False, "", "x" * 5000, "\ud800", "\x00", "é\u202e\U0001f600", [], {}, [[]], {"a": 1}, [None]),
     *(-1, 0, 1, 2, 85, 10**6, 10**9, 2**31, 2**63, 10**30, -(10**30), 0.5, -0.0, 1e-320, 1e308),
-    *(float("nan"), float("inf"), float("-inf"), list(range(1000)), "1e400", "nan", "0x10", "1_000", "../../etc/passwd"),
+    *(
+        float("nan"),
+        float("inf"),
+        float("-inf"),
+        list(range(1000)),
+        "1e400",
+        "nan",
+        "0x10",
+        "1_000",
+        "../../etc/passwd",
+    ),
 )
 ODD_WORDS = (
     *("", " ", "0", "-1", "1", "1.5", "1e400", "nan", "inf", "-inf", "9" * 400, "99999999999999w", "0x10", "1_000"),
@@ -143,7 +153,9 @@ def mutate_file(path: Path, rng: np.random.Generator) -> None:
         one_of(replace, rng)()
         return
     content = path.read_bytes()
-    how = {".json": mutate_json_text, ".csv": mutate_cells, ".jsonl": mutate_text, ".toml": mutate_text}.get(path.suffix)
+    how = {".json": mutate_json_text, ".csv": mutate_cells, ".jsonl": mutate_text, ".toml": mutate_text}.get(
+        path.suffix
+    )
     if how is None or rng.random() < 0.2:
         path.write_bytes(mutate_bytes(content, rng))
     else:

@@ -17,7 +17,6 @@ import h5py
 import numpy as np
 import torch
 import trimesh
-
 from tests.support.factories import make_attempt, make_header, record
 from tests.support.fuzz_mutations import (
     ODD_VALUES,
@@ -142,7 +141,14 @@ def spoil_hdf5(folder: Path, rng: np.random.Generator) -> None:
         elif kind == 4:
             del file[name]
             file[name] = one_of(
-                (np.zeros(3), "text", np.zeros((2, 2), np.uint8), h5py.SoftLink("/data"), h5py.ExternalLink("x.h5", "/")), rng
+                (
+                    np.zeros(3),
+                    "text",
+                    np.zeros((2, 2), np.uint8),
+                    h5py.SoftLink("/data"),
+                    h5py.ExternalLink("x.h5", "/"),
+                ),
+                rng,
             )
         else:
             del file[name]
@@ -227,8 +233,9 @@ WHERE = (
 )
 
 
-def where_words(_: Path, rng: np.random.Generator) -> list[str]:
+def where_words(folder: Path, rng: np.random.Generator) -> list[str]:
     """An expression."""
+    del folder
     text = one_of(WHERE, rng)
     for _ in range(int(rng.integers(1, 4))):
         text = mutate_text(text, rng)
@@ -271,13 +278,13 @@ def option_words(_: Path, rng: np.random.Generator) -> list[str]:
     """Some option of some command with a value that it may not expect."""
     words, one = one_of(commands(), rng)
     options = [item for item in one.params if item.param_type_name == "option" and not item.is_flag]
-    given: list[str] = []
-    for option in [one_of(options, rng) for _ in range(int(rng.integers(1, 3))) if options]:
-        given.append(f"{option.opts[0]}={one_of((*ODD_WORDS, *map(str, ODD_VALUES[13:30])), rng)}")
+    chosen = [one_of(options, rng) for _ in range(int(rng.integers(1, 3))) if options]
+    values = (*ODD_WORDS, *map(str, ODD_VALUES[13:30]))
+    given = [f"{option.opts[0]}={one_of(values, rng)}" for option in chosen]
     dataset = "{nothing}" if words[0] in SLOW or words[:1] == ["objects"] else "{dataset}"
     arguments = [item for item in one.params if item.param_type_name == "argument"]
-    values = [one_of((dataset, *ODD_WORDS), rng) if place else dataset for place, _ in enumerate(arguments)]
-    return [*words, *given, "--", *values] if values else [*words, *given]
+    filled = [one_of((dataset, *ODD_WORDS), rng) if place else dataset for place, _ in enumerate(arguments)]
+    return [*words, *given, "--", *filled] if filled else [*words, *given]
 
 
 def parse_words(folder: Path, words: list[str]) -> int:

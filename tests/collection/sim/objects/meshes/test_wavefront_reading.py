@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +12,12 @@ from tests.support.meshes import pyramid, refused_import
 
 from handsight.cli.app import run
 from handsight.collection.sim.objects.catalogue import load_object_set
-from handsight.collection.sim.objects.meshes.mesh_file import check_mesh
+from handsight.collection.sim.objects.meshes.mesh_file import CheckedMesh, check_mesh
+
+
+def coordinates(mesh: CheckedMesh) -> list[list[float]]:
+    visual: Any = mesh.looks.visual
+    return [[float(value) for value in row] for row in np.unique(visual.uv, axis=0)]
 
 
 def picture(path: Path) -> None:
@@ -55,7 +61,7 @@ def test_options_before_a_picture_are_no_part_of_its_name(meshes: Path, options:
     (meshes / "one.obj").write_bytes(pyramid("one.mtl"))
     mesh = check_mesh(meshes / "one.obj", root=meshes, scale=1.0)
     assert {path.name for path in mesh.sha256} == {"one.obj", "one.mtl", "t.png"}
-    assert np.unique(mesh.looks.visual.uv, axis=0).tolist() == [[0, 0], [0, 1], [1, 0]]
+    assert coordinates(mesh) == [[0, 0], [0, 1], [1, 0]]
 
 
 def test_scale_and_offset_move_the_coordinates(meshes: Path) -> None:
@@ -63,7 +69,7 @@ def test_scale_and_offset_move_the_coordinates(meshes: Path) -> None:
     (meshes / "one.mtl").write_text("newmtl m\nmap_Kd -o 0.5 0.25 -s 2 3 t.png\n")
     (meshes / "one.obj").write_bytes(pyramid("one.mtl"))
     mesh = check_mesh(meshes / "one.obj", root=meshes, scale=1.0)
-    assert np.unique(mesh.looks.visual.uv, axis=0).tolist() == [[0.5, 0.25], [0.5, 3.25], [2.5, 0.25]]
+    assert coordinates(mesh) == [[0.5, 0.25], [0.5, 3.25], [2.5, 0.25]]
 
 
 @pytest.mark.parametrize("naming", ["mtllib a.mtl b.mtl", "mtllib a.mtl\nmtllib b.mtl", "mtllib two words.mtl"])
