@@ -112,6 +112,11 @@ BAD: dict[str, tuple[bytes, str]] = {
     "buffer.glb": (glb_of(buffers=[{"uri": "gone.bin", "byteLength": 36}]), "names 'gone.bin', which is missing"),
     "buffer-up.glb": (glb_of(buffers=[{"uri": "../../../../../etc/passwd", "byteLength": 36}]), "outside the folder"),
     "picture.glb": (glb_of(images=[{"uri": "data:image/png;base64,AAAA"}]), "its picture 0 is no picture of kind"),
+    "accessors.glb": (
+        glb_of(accessors=[{"count": 10**6, "componentType": 5126, "type": "VEC3"}] * 11),
+        "accessors of 11000000 rows together",
+    ),
+    "nodes.glb": (glb_of(nodes=[{"mesh": 0}] * 2001), "has 2001 nodes, expected at most 2000"),
     # Loops.
     "loop.glb": (glb_of(nodes=[{"children": [1]}, {"children": [0], "mesh": 0}]), "its nodes form no tree"),
     "side-loop.glb": (glb_of(nodes=[{}, {"children": [2]}, {"children": [1]}]), "its nodes form no tree"),
