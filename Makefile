@@ -20,7 +20,7 @@ PYTEST := '$(BIN)/pytest' --numprocesses $(PROCESSES) --dist loadfile
 export PYTHONSAFEPATH := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help venv demo test coverage lint format bench docs clean
+.PHONY: help venv demo test coverage lint format bench fuzz docs clean
 
 help:  ## List the targets
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1|\2/p' $(MAKEFILE_LIST) | column -t -s '|'
@@ -79,6 +79,9 @@ format: venv  ## Apply the formatter and the safe fixes
 
 bench: venv  ## Run every benchmark
 	'$(BIN)/python' -m benchmarks all $(ARGS)
+
+fuzz: venv  ## Try spoilt input on every parser; ARGS='--parser hdf5 --inputs 20000 --seed 3'
+	'$(BIN)/python' tests/support/fuzz.py $(ARGS)
 
 docs: venv  ## Check links, commands and targets quoted in the documents
 	'$(BIN)/pytest' tests/layout/test_docs.py $(ARGS)

@@ -83,7 +83,8 @@ def check_object_count(models: Sequence[ObjectModel], config: SimConfig) -> None
     if len(models) < config.objects_per_scene:
         raise ObjectSetError(
             f"object set {config.objects!r} has {counted(len(models), 'object')}, "
-            f"expected at least the {config.objects_per_scene} of a scene"
+            f"expected at least the {config.objects_per_scene} of a scene; choose another set, or pass "
+            f"--objects-per-scene {len(models)} or fewer"
         )
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
@@ -83,7 +84,7 @@ def read_manifest(folder: Path) -> Manifest:
             f"{folder} holds no {MANIFEST_FILE}, expected the folder of an object set; "
             "make one of a folder of meshes with `handsight objects import`"
         ) from error
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise ObjectSetError(
             f"{path} cannot be read ({error}), expected a JSON object; delete {folder} and import the meshes again"
         ) from error
@@ -98,21 +99,37 @@ def _parse(path: Path, content: Any) -> Manifest:
             "with this version"
         )
     try:
-        objects = tuple(_entry(entry) for entry in content["objects"])
-        return Manifest(name=str(content["name"]), settings=dict(content["settings"]), objects=objects)
-    except (KeyError, TypeError, ValueError) as error:
+        name, settings, entries = content["name"], content["settings"], content["objects"]
+        if not (isinstance(name, str) and isinstance(settings, dict) and isinstance(entries, list)):
+            raise TypeError("name, settings and objects are not text, an object and a list")
+        return Manifest(name=name, settings=settings, objects=tuple(_entry(entry) for entry in entries))
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise ObjectSetError(
             f"{path} is incomplete ({error!r}); delete its folder and import the meshes again"
         ) from error
 
 
-def _entry(content: dict[str, Any]) -> ObjectEntry:
+def _entry(content: Any) -> ObjectEntry:
+    if not isinstance(content, dict):
+        raise TypeError(f"an object is {type(content).__name__}, expected its name, source and hash")
     known = {field.name for field in fields(ObjectEntry)}
-    entry = ObjectEntry(**{key: value for key, value in content.items() if key in known})
-    x_m, y_m, z_m = (float(extent) for extent in content["size_m"])
-    if not entry.name or Path(entry.name).name != entry.name:
-        raise ValueError(f"object name {entry.name!r}")
-    return ObjectEntry(**{**{name: getattr(entry, name) for name in known}, "size_m": (x_m, y_m, z_m)})
+    values = {key: value for key, value in content.items() if key in known}
+    x_m, y_m, z_m = (_positive("size_m", extent) for extent in values["size_m"])
+    for key in ("name", "source", "licence", "sha256", "split", "source_sha256"):
+        if not isinstance(values.get(key, ""), str):
+            raise TypeError(f"{key} is {str(values[key])[:40]!r}, expected text")
+    for key in ("scale", "mass_kg"):
+        values[key] = _positive(key, values[key])
+    entry = ObjectEntry(**{**values, "size_m": (x_m, y_m, z_m)})
+    if not entry.name or Path(entry.name).name != entry.name or "\0" in entry.name:
+        raise ValueError(f"object name {entry.name[:40]!r}")
+    return entry
+
+
+def _positive(key: str, value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < math.inf:
+        raise ValueError(f"{key} is {str(value)[:40]!r}, expected a positive number")
+    return float(value)
 
 
 def load_models(folder: Path, *, splits: Iterable[str] | None = None) -> tuple[ObjectModel, ...]:

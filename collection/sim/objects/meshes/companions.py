@@ -21,6 +21,7 @@ MAX_TEXTURE_PIXELS = 8192 * 8192
 _PICTURES = ("BMP", "GIF", "JPEG", "PNG", "TGA", "TIFF", "WEBP")
 """Formats that Pillow decodes by itself; for PostScript, for example, it would start another program."""
 _NOT_PICTURES = (".bin", ".mtl")
+_LOOKS = (".bmp", ".gif", ".jpeg", ".jpg", ".mtl", ".png", ".tga", ".tif", ".tiff", ".webp")
 
 
 class Companions(Resolver):
@@ -38,6 +39,8 @@ class Companions(Resolver):
         self.faults: list[str] = []
         self.sha256: dict[Path, str] = {}
         """Of every file handed out, by its path."""
+        self.stand_ins: dict[str, bytes] = {}
+        """Contents that are handed out under names of their own, without looking for a file."""
 
     def get(self, key: str) -> bytes:
         """The content of a file.
@@ -45,6 +48,8 @@ class Companions(Resolver):
         Raises:
             FileNotFoundError: It cannot be used; the reason is among the faults.
         """
+        if key in self.stand_ins:
+            return self.stand_ins[key]
         try:
             path = self._locate(key)
             content = path.read_bytes()
@@ -65,12 +70,28 @@ class Companions(Resolver):
         # Not Path.resolve, which says of links that lead in circles what depends on the version of Python.
         real = Path(os.path.realpath(path))
         if re.match(r"[A-Za-z][A-Za-z0-9+.-]*:", name) or not real.is_relative_to(self._root):
-            raise MeshFault("is outside the folder")
+            raise MeshFault(f"is outside the folder{self._remedy(name, real)}")
         if not path.is_file():
             raise MeshFault("is a link that leads nowhere" if path.is_symlink() else "is missing")
         if path.stat().st_size > MAX_COMPANION_BYTES:
             raise MeshFault(f"has more than {MAX_COMPANION_BYTES / 1e6:.0f} MB")
         return path
+
+    def has(self, key: str) -> bool:
+        """Whether there is a file of that name, in the folder or not."""
+        try:
+            return (self._folder / key.strip().replace("\\", "/")).is_file()
+        except (OSError, ValueError):
+            return False
+
+    def _remedy(self, name: str, real: Path) -> str:
+        """How a collection that keeps its pictures in a folder above can be imported; empty where it is none."""
+        relative = not Path(name).is_absolute() and real.suffix.lower() in _LOOKS and real.is_file()
+        parent = Path(os.path.commonpath([real, self._root]))
+        if not relative or parent == parent.parent:
+            return ""
+        pattern = f"{self._root.relative_to(parent).as_posix()}/**/*"
+        return f" (to take it in, import {shown(parent)} with --pattern '{shown(pattern)}')"
 
     def check(self) -> None:
         """Refuse the mesh when a file that it names could not be used.

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+MAX_TRIANGLES = 100_000
+"""Pictures are drawn by software: more triangles than this per object would take most of an attempt's time."""
+
 
 class MeshFault(Exception):  # noqa: N818 -- a finding about one file, collected into a MeshImportError, never raised to users
     """Why one file cannot be used."""

@@ -13,6 +13,10 @@ from handsight.collection.sim.objects.meshes.fault import MeshFault
 
 MAX_VALUES = 1_000_000
 """Rows of an accessor: more than three corners of each triangle that an object may have."""
+MAX_ALL_VALUES = 10_000_000
+"""Rows of all accessors together."""
+MAX_NODES = 2_000
+"""Readers look for the way to each node anew."""
 _HEADER = struct.Struct("<4sIIII")
 _CHUNK = struct.Struct("<II")
 _DATA = "base64,"
@@ -58,10 +62,15 @@ def _check_accessors(tree: dict[str, Any]) -> None:
     for accessor in tree.get("accessors", []):
         if not 0 <= accessor["count"] <= MAX_VALUES:
             raise MeshFault(f"declares an accessor of {accessor['count']} rows, expected at most {MAX_VALUES}")
+    total = sum(accessor["count"] for accessor in tree.get("accessors", []))
+    if total > MAX_ALL_VALUES:
+        raise MeshFault(f"declares accessors of {total} rows together, expected at most {MAX_ALL_VALUES}; decimate it")
 
 
 def _check_nodes(nodes: list[dict[str, Any]]) -> None:
     """Nodes form trees: each has at most one parent, and no loop leads back to it. Readers follow loops for ever."""
+    if len(nodes) > MAX_NODES:
+        raise MeshFault(f"has {len(nodes)} nodes, expected at most {MAX_NODES}; unite them")
     parents: dict[int, int] = {}
     for number, node in enumerate(nodes):
         for child in node.get("children", []):

@@ -5,6 +5,8 @@ from __future__ import annotations
 import hashlib
 import io
 import logging
+import warnings
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,13 +16,14 @@ from numpy.typing import NDArray
 
 from handsight.collection.sim.objects.meshes.appearance import lacks_coordinates
 from handsight.collection.sim.objects.meshes.companions import Companions
-from handsight.collection.sim.objects.meshes.fault import MeshFault, shown
+from handsight.collection.sim.objects.meshes.declared import check_ply, check_stl
+from handsight.collection.sim.objects.meshes.fault import MAX_TRIANGLES, MeshFault, shown
 from handsight.collection.sim.objects.meshes.glb import check_glb
+from handsight.collection.sim.objects.meshes.mtl import Material
 from handsight.collection.sim.objects.meshes.solid import Solid, make_solid
+from handsight.collection.sim.objects.meshes.wavefront_reading import place_pictures, wavefront_for_reader
 
 MAX_FILE_BYTES = 200_000_000
-MAX_TRIANGLES = 100_000
-"""Pictures are drawn by software: more triangles than this per object would take most of an attempt's time."""
 LARGEST_EXTENT_M = (0.01, 0.5)
 """Between a grain and something longer than the workspace is wide."""
 _UNITS = ((0.001, "millimetres"), (0.01, "centimetres"), (0.0254, "inches"))
@@ -81,17 +84,28 @@ def _content(path: Path) -> bytes:
 def _load(path: Path, content: bytes, companions: Companions, *, plain: bool) -> trimesh.Trimesh:
     """One mesh with normals of its own shape, and with looks unless ``plain``."""
     kind = path.suffix.lower().removeprefix(".")
-    if kind == "glb":
+    materials: Mapping[str, Material] = {}
+    if kind == "obj":
+        content, materials = wavefront_for_reader(content, companions, plain=plain)
+    elif kind == "glb":
         check_glb(content, textures=not plain)
+    elif kind == "ply":
+        check_ply(content)
+    else:
+        check_stl(content)
     try:
-        scene = trimesh.load_scene(
-            io.BytesIO(content), file_type=kind, resolver=companions, process=False, skip_materials=plain
-        )
+        with warnings.catch_warnings():
+            # NumPy would take the numbers before those that are none for all that there are.
+            warnings.filterwarnings("error", "string or file could not be read to its end", DeprecationWarning)
+            scene = trimesh.load_scene(
+                io.BytesIO(content), file_type=kind, resolver=companions, process=False, skip_materials=plain
+            )
     except Exception as error:
         companions.check()
         # trimesh's readers raise whatever a broken file leads them into.
         raise MeshFault(f"cannot be read ({type(error).__name__}: {shown(str(error))[:200]})") from error
     companions.check()
+    place_pictures(scene, materials)
     _check_triangles(scene)
     whole = scene.to_mesh()
     # Normals that a file brings may be missing, broken, or turned with the faces; colours may not be wanted.

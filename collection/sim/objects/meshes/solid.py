@@ -11,6 +11,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from handsight.collection.sim.objects.meshes.fault import MeshFault
+from handsight.collection.sim.objects.meshes.repeats import without_repeats
 
 MAX_PIECES = 1000
 MAX_BODIES = 12
@@ -49,7 +50,7 @@ class Solid:
 
 
 def make_solid(mesh: trimesh.Trimesh) -> Solid:
-    """What ``mesh`` encloses; faces that look inwards are turned around, in ``mesh`` too.
+    """What ``mesh`` encloses; faces that look inwards are turned around, and repeated ones left out, in ``mesh`` too.
 
     A piece within another one whose faces look inwards is a hollow and stays as it is.
 
@@ -65,6 +66,12 @@ def make_solid(mesh: trimesh.Trimesh) -> Solid:
     first, second, third = surface.faces.T
     whole = np.flatnonzero((first != second) & (second != third) & (third != first))
     surface.update_faces(whole)
+    kept = without_repeats(np.asarray(surface.faces))
+    if len(kept) < len(whole):
+        lost = whole[~np.isin(np.arange(len(whole)), kept)]
+        surface.update_faces(kept)
+        mesh.update_faces(~np.isin(np.arange(len(mesh.faces)), lost))
+        whole = whole[kept] - np.searchsorted(lost, whole[kept])
     surface.remove_unreferenced_vertices()
     _check_closed(surface)
     pieces = _pieces(surface)

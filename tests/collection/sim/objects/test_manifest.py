@@ -35,6 +35,9 @@ def test_a_folder_without_a_manifest_is_refused(tmp_path: Path) -> None:
         ("[]", "has format 'list', expected 1"),
         ('{"format": 99}', "has format 99, expected 1"),
         ('{"format": 1, "name": "x"}', "is incomplete"),
+        ('{"format": 1, "name": "x", "settings": {}, "objects": ["cup"]}', "is incomplete .*an object is str"),
+        ('{"format": 1, "name": "x", "settings": 3, "objects": []}', "is incomplete"),
+        ("[" * 100_000, "cannot be read"),
     ],
 )
 def test_a_broken_manifest_is_refused(tmp_path: Path, content: str, fault: str) -> None:

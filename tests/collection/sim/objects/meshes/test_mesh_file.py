@@ -57,8 +57,11 @@ BAD: dict[str, tuple[bytes, str]] = {
     "garbage.ply": (np.random.default_rng(2).bytes(5000), "cannot be read"),
     "garbage.obj": (np.random.default_rng(3).bytes(5000), "has no triangles|cannot be read"),
     "garbage.glb": (np.random.default_rng(4).bytes(5000), "is no binary glTF file"),
-    "not-finite.obj": (pyramid().replace(b"v 0 0 0.1", b"v 0 0 nan"), "2 of 8 vertices are not finite"),
-    "beyond.obj": (b"v 0 0 0\nv 0.1 0 0\nv 0 0.1 0\nf 1 2 9\n", "cannot be read .IndexError"),
+    "not-finite.obj": (
+        pyramid().replace(b"v 0 0 0.1", b"v 0 0 nan"),
+        "line 4: a vertex holds .nan., expected a finite number",
+    ),
+    "beyond.obj": (b"v 0 0 0\nv 0.1 0 0\nv 0 0.1 0\nf 1 2 9\n", "line 4: a face names vertex 9, and the file has 3"),
     "beyond.ply": (PLY.format(corner=77).encode(), "1 of 1 triangles name vertices beyond the 3 it has"),
     "count.stl": (bytes(80) + struct.pack("<I", 2**32 - 1) + bytes(200), "has no triangles"),
     # Empty.
@@ -71,6 +74,17 @@ BAD: dict[str, tuple[bytes, str]] = {
         "accessor of 1099511",
     ),
     "far.obj": (pyramid().replace(b"0.1", b"1e300"), r"is 1e\+300 x"),
+    "rows.ply": (
+        PLY.format(corner=2).replace("vertex 3", "vertex 99999999999").encode(),
+        "of element 'vertex', expect",
+    ),
+    "lines.ply": (PLY.format(corner=2).replace("vertex 3", "vertex 30").encode(), "declares 31 lines, and"),
+    "short.ply": (PLY.format(corner=2).replace("face 1", "face 0").encode() + b"\n" * 2000, "lines where its header"),
+    "half-a-number.ply": (PLY.format(corner=2).replace("0.1 0 0", "0.1 0 0x").encode(), "cannot be read"),
+    "many.stl": (
+        bytes(80) + struct.pack("<I", 100_001) + bytes(50 * 100_001),
+        "has 100001 triangles, expected at most",
+    ),
     # No solid.
     "open.ply": (PLY.format(corner=2).encode(), "is not watertight: 3 of 3 edges"),
     "sheet.stl": (stl(trimesh.creation.box(extents=(0.1, 0.1, 0.0))), "encloses next to no volume"),
@@ -94,10 +108,15 @@ BAD: dict[str, tuple[bytes, str]] = {
         PLY.format(corner=2).replace("1.0\n", "1.0\ncomment TextureFile /etc/passwd\n", 1).encode(),
         "names '/etc/passwd', which is outside the folder",
     ),
-    "coordinates.obj": (pyramid(last_uv="nan 1"), "texture coordinates that are missing or not finite"),
+    "coordinates.obj": (pyramid(last_uv="nan 1"), "line 7: a texture coordinate holds .nan.*--plain"),
     "buffer.glb": (glb_of(buffers=[{"uri": "gone.bin", "byteLength": 36}]), "names 'gone.bin', which is missing"),
     "buffer-up.glb": (glb_of(buffers=[{"uri": "../../../../../etc/passwd", "byteLength": 36}]), "outside the folder"),
     "picture.glb": (glb_of(images=[{"uri": "data:image/png;base64,AAAA"}]), "its picture 0 is no picture of kind"),
+    "accessors.glb": (
+        glb_of(accessors=[{"count": 10**6, "componentType": 5126, "type": "VEC3"}] * 11),
+        "accessors of 11000000 rows together",
+    ),
+    "nodes.glb": (glb_of(nodes=[{"mesh": 0}] * 2001), "has 2001 nodes, expected at most 2000"),
     # Loops.
     "loop.glb": (glb_of(nodes=[{"children": [1]}, {"children": [0], "mesh": 0}]), "its nodes form no tree"),
     "side-loop.glb": (glb_of(nodes=[{}, {"children": [2]}, {"children": [1]}]), "its nodes form no tree"),
