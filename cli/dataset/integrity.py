@@ -31,9 +31,7 @@ ServoModel = Annotated[
 ]
 IgnoreWriter = Annotated[
     list[str] | None,
-    typer.Option(
-        "--ignore-writer", metavar="ID", help="A writer to a bucket that is gone; may be given again."
-    ),
+    typer.Option("--ignore-writer", metavar="ID", help="A writer to a bucket that is gone; may be given again."),
 ]
 _AGE = re.compile(r"(\d+)([smhdw])")
 _UNITS = {"s": "seconds", "m": "minutes", "h": "hours", "d": "days", "w": "weeks"}

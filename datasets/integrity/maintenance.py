@@ -170,7 +170,7 @@ def _last_commits(repository: GraspRepository, writers: Sequence[Writer]) -> dic
     if sessions:
         for entries in repository.logs(repository.branches().values()):
             for entry in entries:
-                if entry.session in sessions:
+                if entry.session is not None and entry.session in sessions:
                     last[entry.session] = max(entry.written_at, last.get(entry.session, entry.written_at))
     return last
 
