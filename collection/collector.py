@@ -133,7 +133,7 @@ def collect(
     numbers = range(resumed_from, settings.attempts)
     successes = 0
     answers = map_ordered(factory, work, numbers, workers=settings.workers, engine=engine, noun="attempt")
-    with closing(answers), _commit_on_error(writer):
+    with closing(writer), closing(answers), _commit_on_error(writer):
         for attempt in answers:
             writer.append(attempt)
             successes += attempt.success
@@ -141,8 +141,8 @@ def collect(
                 on_attempt(attempt, writer.next_number)
             if writer.next_number % settings.commit_every == 0:
                 writer.commit()
-    if resumed_from < settings.attempts:
-        writer.seal()
+        if resumed_from < settings.attempts:
+            writer.seal()
     return CollectReport(
         session=writer.session, resumed_from=resumed_from, attempts=writer.next_number, successes=successes
     )

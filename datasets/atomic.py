@@ -1,16 +1,21 @@
 """Files and folders that are there whole or not at all: written under another name beside their own, then renamed.
 
-What a killed process was writing stays behind under a name that begins with a dot and is never read.
+What a killed process was writing stays behind under a name that begins with a dot and is never read. Whoever writes the
+same file or folder next deletes it: a lock beside it (held.py) tells that nobody writes it any more.
 """
 
 from __future__ import annotations
 
 import os
 import secrets
-import tempfile
+import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+
+from handsight.datasets.held import HeldFile, clear_abandoned, lock_of
+
+_UNFINISHED = ".unfinished-"
 
 
 @contextmanager
@@ -28,16 +33,16 @@ def atomic_file(path: Path, *, durable: bool = False) -> Iterator[Path]:
     Raises:
         OSError: The file cannot be renamed or synced.
     """
-    unfinished = path.with_name(f".{path.stem}.unfinished-{secrets.token_hex(4)}{path.suffix}")
-    try:
-        yield unfinished
-        if durable:
-            sync(unfinished)
-        unfinished.replace(path)
-        if durable:
-            sync(path.parent)
-    finally:
-        unfinished.unlink(missing_ok=True)
+    with _unfinished(path.parent, path.stem, path.suffix) as unfinished:
+        try:
+            yield unfinished
+            if durable:
+                sync(unfinished)
+            unfinished.replace(path)
+            if durable:
+                sync(path.parent)
+        finally:
+            unfinished.unlink(missing_ok=True)
 
 
 @contextmanager
@@ -57,14 +62,41 @@ def atomic_folder(path: Path, *, beside: Path | None = None, durable: bool = Fal
         OSError: The folder cannot be renamed or synced, for instance because another process was first.
     """
     parent = path.parent if beside is None else beside
-    with tempfile.TemporaryDirectory(prefix=f".{path.name}.unfinished-", dir=parent) as temporary:
-        unfinished = Path(temporary) / path.name
+    with _unfinished(parent, path.name) as temporary:
+        temporary.mkdir(mode=0o700)
+        try:
+            unfinished = temporary / path.name
+            yield unfinished
+            if durable:
+                sync(unfinished)
+            unfinished.rename(path)
+            if durable:
+                sync(path.parent)
+        finally:
+            shutil.rmtree(temporary)
+
+
+def clear_unfinished(folder: Path) -> None:
+    """Delete everything that killed processes were writing in a folder, and leave alone what others write now."""
+    clear_abandoned(folder, ".", containing=_UNFINISHED)
+
+
+def is_unfinished(path: Path) -> bool:
+    """Whether a name is that of something on its way to its place, or of the lock beside it."""
+    return path.name.startswith(".") and _UNFINISHED in path.name
+
+
+@contextmanager
+def _unfinished(parent: Path, stem: str, suffix: str = "") -> Iterator[Path]:
+    """A name that is held for this call, after what was left under names for the same target has been deleted."""
+    prefix = f".{stem}{_UNFINISHED}"
+    clear_abandoned(parent, prefix)
+    unfinished = parent / f"{prefix}{secrets.token_hex(4)}{suffix}"
+    lock = HeldFile(lock_of(unfinished))
+    try:
         yield unfinished
-        if durable:
-            sync(unfinished)
-        unfinished.rename(path)
-        if durable:
-            sync(path.parent)
+    finally:
+        lock.release()
 
 
 def sync(path: Path) -> None:

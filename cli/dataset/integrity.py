@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -23,10 +23,15 @@ if TYPE_CHECKING:
     from handsight.datasets.integrity.repair import ResimulateAttempt
     from handsight.datasets.integrity.verify import VerifyReport
     from handsight.datasets.reading.reader import GraspDataset
+    from handsight.datasets.store.writers import Writer
 
 ServoModel = Annotated[
     Path | None,
     typer.Option("--model", metavar="RUN", help="Run that chose the grasps of sessions with the servo policy."),
+]
+IgnoreWriter = Annotated[
+    list[str] | None,
+    typer.Option("--ignore-writer", metavar="ID", help="A writer to a bucket that is gone; may be given again."),
 ]
 _AGE = re.compile(r"(\d+)([smhdw])")
 _UNITS = {"s": "seconds", "m": "minutes", "h": "hours", "d": "days", "w": "weeks"}
@@ -128,6 +133,7 @@ def gc(
     older_than: Annotated[
         str, typer.Option("--older-than", metavar="AGE|DATE", help="Keep younger files: 2h, 7d, 2026-01-31.")
     ] = "1h",
+    ignore_writer: IgnoreWriter = None,
     dry_run: DryRun = False,
     as_json: Json = False,
 ) -> None:
@@ -136,7 +142,7 @@ def gc(
     repository, _ = open_repository(dataset)
     from handsight.datasets.integrity.maintenance import collect_garbage  # a second; see above
 
-    report = collect_garbage(repository, before, dry_run=dry_run)
+    report = collect_garbage(repository, before, dry_run=dry_run, ignored_writers=ignore_writer or ())
     if as_json:
         print_json(report)
         return
@@ -146,8 +152,7 @@ def gc(
         f"{counted(report.snapshots, 'snapshot')}, {counted(report.other_files, 'other file')} "
         f"from before {report.older_than:%Y-%m-%d %H:%M:%S} UTC"
     )
-    for session in report.retained_by:
-        console.print(f"session {session} is open and may be writing: nothing younger than its last commit is touched")
+    _print_retained(report.writers, report.retained_by, "what it may still need")
 
 
 def expire_command(
@@ -155,6 +160,7 @@ def expire_command(
     older_than: Annotated[
         str, typer.Option("--older-than", metavar="AGE|DATE", help="Drop older commits: 2h, 7d, 2026-01-31.")
     ],
+    ignore_writer: IgnoreWriter = None,
     dry_run: DryRun = False,
     as_json: Json = False,
 ) -> None:
@@ -163,7 +169,7 @@ def expire_command(
     repository, _ = open_repository(dataset)
     from handsight.datasets.integrity.maintenance import expire  # a second; see above
 
-    report = expire(repository, before, dry_run=dry_run)
+    report = expire(repository, before, dry_run=dry_run, ignored_writers=ignore_writer or ())
     if as_json:
         print_json(report)
         return
@@ -171,6 +177,16 @@ def expire_command(
     console.print(
         f"{would} {counted(len(report.snapshots), 'commit')} from before {report.older_than:%Y-%m-%d %H:%M:%S} UTC"
     )
+    _print_retained(report.writers, report.retained_by, "the version that it began from")
+
+
+def _print_retained(writers: Sequence[Writer], retained_by: Sequence[str], what: str) -> None:
+    for writer in writers:
+        if (writer.session or writer.id) in retained_by:
+            console.print(
+                f"at work since {writer.begun:%Y-%m-%d %H:%M:%S} UTC, process {writer.pid} on {writer.host}: "
+                f"{writer.what} ({writer.id}); {what} is kept"
+            )
 
 
 def _verified(dataset: GraspDataset, jobs: int) -> VerifyReport:

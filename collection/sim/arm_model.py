@@ -7,10 +7,11 @@ times longer than the rest.
 
 from __future__ import annotations
 
-import tempfile
 import xml.etree.ElementTree as ElementTree
 from importlib import metadata, resources
 from pathlib import Path
+
+from handsight.datasets.held import HeldFolder
 
 FLANGE_TO_TIP_M = 0.16
 """Distance from the UR10's flange to the fingertips, as in ``assets/parallel_gripper.urdf``."""
@@ -66,7 +67,7 @@ def _attach_gripper(robot: ElementTree.Element) -> None:
     ElementTree.SubElement(mount, "child", link="gripper_palm")
 
 
-def temporary_arm_urdf(*, with_visuals: bool = False) -> tuple[tempfile.TemporaryDirectory[str], Path]:
-    """The URDF in a folder that is deleted with the returned handle."""
-    folder = tempfile.TemporaryDirectory(prefix="handsight-arm-")
-    return folder, compose_arm_urdf(Path(folder.name), with_visuals=with_visuals)
+def temporary_arm_urdf(*, with_visuals: bool = False) -> tuple[HeldFolder, Path]:
+    """The URDF in a folder that is deleted with the returned handle; that of a killed process is by the next one."""
+    folder = HeldFolder("handsight-arm-")
+    return folder, compose_arm_urdf(folder.path, with_visuals=with_visuals)

@@ -21,6 +21,7 @@ from importlib.util import find_spec
 
 from handsight.collection.errors import RendererUnavailableError, StationSettingsError
 from handsight.collection.sim.bullet import BulletClient, connect, pybullet, quiet
+from handsight.jobs.processes import bound_command
 
 EGL_MODULE = "eglRenderer"
 EGL_ENTRY_POINT = "_eglRendererPlugin"
@@ -114,7 +115,7 @@ def _egl_fault() -> str:
     plugin = _egl_plugin()
     if plugin is None:
         return "this build of PyBullet has no EGL plugin"
-    command = [sys.executable, "-P", "-c", TRIAL, plugin, EGL_ENTRY_POINT]
+    command = bound_command([sys.executable, "-P", "-c", TRIAL, plugin, EGL_ENTRY_POINT])
     try:
         trial = subprocess.run(command, capture_output=True, text=True, timeout=TRIAL_LIMIT_S, check=False)
     except subprocess.TimeoutExpired:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -14,6 +13,7 @@ from handsight.datasets.atomic import atomic_folder
 from handsight.datasets.errors import InterchangeError
 from handsight.datasets.exchange.formats import format_named, format_of
 from handsight.datasets.exchange.transfer import TransferReport, transfer
+from handsight.datasets.held import HeldFolder
 from handsight.datasets.reading.reader import GraspDataset
 from handsight.datasets.store.icechunk_engine import sync_file_system
 from handsight.datasets.store.repository import GraspRepository
@@ -137,8 +137,8 @@ def _destination(path: Location, *, dry_run: bool) -> Iterator[GraspRepository]:
         yield GraspRepository.open(path)
         return
     if dry_run:
-        with tempfile.TemporaryDirectory() as folder:
-            yield GraspRepository.create(Path(folder) / "dataset")
+        with HeldFolder("handsight-dry-run-") as folder:
+            yield GraspRepository.create(folder / "dataset")
         return
     with whole_or_absent(path) as unfinished:
         yield GraspRepository.create(unfinished)

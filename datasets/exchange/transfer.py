@@ -9,24 +9,32 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import partial
 from itertools import islice
 from typing import Any
 
 import zarr
 
 from handsight.datasets.address import DEFAULT_REF
-from handsight.datasets.errors import CorruptDataError, MergeError, SessionConflictError, counted
+from handsight.datasets.errors import CorruptDataError, MergeError, SessionConflictError, StorageError, counted
 from handsight.datasets.exchange.sources import SessionSource
-from handsight.datasets.format.arrays import array_at, group_at, layouts_of, read_all, run_concurrently
+from handsight.datasets.format.arrays import (
+    array_at,
+    group_at,
+    layouts_of,
+    read_all,
+    run_concurrently,
+    unreadable_chunk,
+)
 from handsight.datasets.format.decisions import Action, Decision, append_decision, read_overlay
-from handsight.datasets.format.frames import BATCH_FRAMES, FrameEncoder
+from handsight.datasets.format.frames import BATCH_FRAMES, FrameEncoder, frame_paths
 from handsight.datasets.format.schema import SESSIONS, attempt_id, create_arrays, packed_rows
 from handsight.datasets.format.sessions import read_sessions
 from handsight.datasets.records import StationSpec
 from handsight.datasets.store.icechunk_engine import icechunk_errors
 from handsight.datasets.store.layout import check_current
 from handsight.datasets.store.repository import GraspRepository
+from handsight.datasets.store.transactions import on_the_tip
+from handsight.datasets.store.writers import at_work
 from handsight.datasets.writing.batches import (
     Columns,
     EncodedAttempt,
@@ -180,23 +188,34 @@ def _write(
     message: str,
     on_attempt: Callable[[], None] | None,
 ) -> str:
-    transaction = repository.writable(branch)
-    with icechunk_errors(f"cannot write to {repository.path}"):
-        root = zarr.open_group(transaction.store, mode="r+")
-        sessions = group_at(root, SESSIONS)
-        for source in sources:
-            group = sessions.create_group(source.ulid, attributes=source.attributes)
-            _write_session(group, source, on_attempt)
-        names = frozenset(source.ulid for source in sources)
-        for decision in transplanted(decisions, names, first=len(read_overlay(root).decisions)):
-            append_decision(root, decision)
-    return repository.commit(
-        transaction,
-        branch=branch,
-        message=message,
-        metadata={"attempts_added": sum(source.size for source in sources), "sessions": sorted(names)},
-        check=partial(_refuse_present, names),
-    )
+    names = frozenset(source.ulid for source in sources)
+    progress = [on_attempt]
+
+    def work(transaction: Any) -> str:
+        tell = progress.pop() if progress else None  # Once, also where it has to be done again.
+        with icechunk_errors(f"cannot write to {repository.path}"):
+            root = zarr.open_group(transaction.store, mode="r+")
+            sessions = group_at(root, SESSIONS)
+            for source in sources:
+                group = sessions.create_group(source.ulid, attributes=source.attributes)
+                _write_session(group, source, tell)
+            for decision in transplanted(decisions, names, first=len(read_overlay(root).decisions)):
+                append_decision(root, decision)
+
+        def check(tip: zarr.Group) -> None:
+            _refuse_present(names, tip)
+            _refuse_deleted(root, names)
+
+        return repository.commit(
+            transaction,
+            branch=branch,
+            message=message,
+            metadata={"attempts_added": sum(source.size for source in sources), "sessions": sorted(names)},
+            check=check,
+        )
+
+    with at_work(repository, message):
+        return on_the_tip(repository, branch, work)
 
 
 def _write_session(group: zarr.Group, source: SessionSource, on_attempt: Callable[[], None] | None) -> None:
@@ -256,3 +275,22 @@ def _refuse_present(sessions: frozenset[str], root: zarr.Group) -> None:
     present = sorted(sessions & set(group_at(root, SESSIONS).group_keys()))
     if present:
         raise SessionConflictError(f"another process has added session {', '.join(present)} meanwhile: nothing changed")
+
+
+def _refuse_deleted(root: zarr.Group, sessions: frozenset[str]) -> None:
+    """Refuse to commit what somebody has deleted who knew nothing of this transfer.
+
+    Whoever deletes goes by age, so the first that was written of each session goes before the rest of it.
+
+    Raises:
+        StorageError: Stored bytes are gone.
+    """
+    for ulid in sorted(sessions):
+        group = group_at(root, f"{SESSIONS}/{ulid}")
+        for path in ("attempts/digest", *frame_paths()):
+            fault = unreadable_chunk(array_at(group, path), BATCH_FRAMES)
+            if fault:
+                raise StorageError(
+                    f"{fault}: it was deleted before it could be committed, by a collection of garbage that knew "
+                    "nothing of this transfer (by an older handsight, perhaps); nothing changed: try again"
+                )

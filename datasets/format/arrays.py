@@ -12,7 +12,7 @@ import numpy as np
 import zarr
 from numpy.typing import NDArray
 from zarr.abc.buffer import Buffer, BufferPrototype
-from zarr.abc.store import Store
+from zarr.abc.store import RangeByteRequest, Store
 from zarr.buffer import cpu
 from zarr.core.metadata import ArrayMetadata
 from zarr.core.sync import sync
@@ -133,6 +133,27 @@ def read_range(array: zarr.Array[Any], start: int, stop: int) -> NDArray[Any]:
     if len(rows) != stop - start:
         raise CorruptDataError(f"{array.path} ends at row {array.shape[0]}, expected at least {stop}")
     return rows
+
+
+def unreadable_chunk(array: zarr.Array[Any], rows: int) -> str:
+    """Which of the chunks with the first rows is named but not there, and why; empty when none is."""
+    inner = (0,) * (array.ndim - 1)
+    keys = [
+        array.metadata.encode_chunk_key((row, *inner))
+        for row in range(-(-min(rows, array.shape[0]) // array.chunks[0]))
+    ]
+
+    async def look(key: str) -> str:
+        try:
+            await (array.store_path / key).get(byte_range=RangeByteRequest(0, 1))
+        except icechunk.IcechunkError as error:
+            return f"{array.path}/{key} cannot be read ({headline(error)})"
+        return ""
+
+    async def look_at_all() -> list[str]:
+        return await asyncio.gather(*(look(key) for key in keys))
+
+    return next(filter(None, sync(look_at_all())), "")
 
 
 def append_rows(array: zarr.Array[Any], rows: NDArray[Any]) -> None:

@@ -16,6 +16,7 @@ from handsight.datasets.format.upgrades import columns_since, current_attributes
 from handsight.datasets.store.branches import new_branch
 from handsight.datasets.store.icechunk_engine import icechunk_errors
 from handsight.datasets.store.repository import GraspRepository
+from handsight.datasets.store.writers import at_work
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,7 +44,7 @@ def migrate(repository: GraspRepository, branch: str, *, ref: str = DEFAULT_REF)
     before = schema_of(repository.root(repository.resolve(ref)))
     if before >= SCHEMA_VERSION:
         return None
-    with new_branch(repository, branch, ref):
+    with at_work(repository, f"migrate to {branch}"), new_branch(repository, branch, ref):
         transaction = repository.writable(branch)
         with icechunk_errors(f"cannot migrate {repository.path}"):
             root = zarr.open_group(transaction.store, mode="r+")

@@ -26,6 +26,7 @@ from handsight.datasets.reading.selection import Selection
 from handsight.datasets.records import PHASES, GraspAttempt, GripperReadings, Outcome, SessionHeader
 from handsight.datasets.store.branches import new_branch
 from handsight.datasets.store.repository import GraspRepository
+from handsight.datasets.store.writers import at_work
 from handsight.datasets.writing.batches import PreparedAttempt, chunk_start, column_paths, prepare
 from handsight.datasets.writing.change import change_branch
 
@@ -78,7 +79,7 @@ def repair(
             "restore the dataset from a copy"
         )
     repository = dataset.repository
-    with new_branch(repository, branch, dataset.snapshot_id):
+    with at_work(repository, f"repair to {branch}"), new_branch(repository, branch, dataset.snapshot_id):
         found = {attempt: _simulated(dataset, attempt, resimulate) for attempt in report.corrupt}
         simulated = {attempt: one for attempt, one in found.items() if one is not None}
         lost = {

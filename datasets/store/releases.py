@@ -18,6 +18,9 @@ from handsight.datasets.errors import RefNameError
 LEDGER_BRANCH = "handsight.releases"
 """Not shown among the branches."""
 
+WRITER_PREFIX = "handsight.writer."
+"""Branches that tell who writes to a bucket begin so (writers.py); not shown among the branches either."""
+
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
 _SNAPSHOT_ID = re.compile(r"[0-9A-HJKMNP-TV-Z]{20}")
 _LEDGER_KEY = "releases"
@@ -37,6 +40,11 @@ class Release:
 def is_snapshot_id(text: str) -> bool:
     """Whether the text has the form of a snapshot id."""
     return _SNAPSHOT_ID.fullmatch(text) is not None
+
+
+def is_internal(branch: str) -> bool:
+    """Whether a branch is handsight's own and no version of the dataset."""
+    return branch == LEDGER_BRANCH or branch.startswith(WRITER_PREFIX)
 
 
 def is_plain_name(name: str) -> bool:
@@ -60,7 +68,7 @@ def check_ref_name(kind: str, name: str) -> None:
     Raises:
         RefNameError: Both rules are in the message.
     """
-    if not is_plain_name(name) or is_snapshot_id(name) or name == LEDGER_BRANCH:
+    if not is_plain_name(name) or is_snapshot_id(name) or is_internal(name):
         raise RefNameError(
             f"{kind} name is {name!r}, expected 1 to 64 letters, digits, '.', '_' or '-', beginning with a letter "
             "or digit and not in the form of a snapshot id: choose a name such as v1"

@@ -35,12 +35,14 @@ from handsight.datasets.store.icechunk_engine import (
     sync_file_system,
 )
 from handsight.datasets.store.layout import check_schema, is_icechunk_folder, refuse_occupied, write_empty
+from handsight.datasets.store.leftovers import clear_leftovers
 from handsight.datasets.store.refs import create_ref
 from handsight.datasets.store.releases import (
     LEDGER_BRANCH,
     Release,
     add_to_ledger,
     check_ref_name,
+    is_internal,
     is_snapshot_id,
     read_ledger,
 )
@@ -79,6 +81,7 @@ class GraspRepository:
         self._icechunk = opened
         self._owner_pid = os.getpid()
         self._lock: FileLock | None = None
+        self._tidy = False
         if not isinstance(path, S3Prefix):
             self._lock = FileLock(path / SIDE_FOLDER / "commit.lock", timeout=_LOCK_TIMEOUT_S, poll_interval=0.005)
 
@@ -155,6 +158,16 @@ class GraspRepository:
             return cache_folder() / "datasets" / uuid
         return self.path / SIDE_FOLDER
 
+    def tip(self, branch: str) -> str:
+        """The snapshot id of a branch.
+
+        Raises:
+            RefNotFoundError: There is no such branch.
+        """
+        self._check_branch(branch)
+        with icechunk_errors(f"cannot look up branch {branch!r} of {self.path}"):
+            return self._icechunk.lookup_branch(branch)
+
     @property
     def icechunk_repository(self) -> icechunk.Repository:
         """What Icechunk opened, for the modules of this room that look after branches and disk space."""
@@ -165,7 +178,7 @@ class GraspRepository:
         """Snapshot id of each branch by name, sorted."""
         self.check_process()
         with icechunk_errors(f"cannot list the branches of {self.path}"):
-            names = sorted(self._icechunk.list_branches() - {LEDGER_BRANCH})
+            names = self._branch_names()
             return {name: self._icechunk.lookup_branch(name) for name in names}
 
     def releases(self) -> dict[str, Release]:
@@ -182,7 +195,7 @@ class GraspRepository:
         self.check_process()
         with icechunk_errors(f"cannot look up {ref!r} in {self.path}"):
             snapshot_id = _looked_up(self._icechunk.lookup_tag, self._icechunk.list_tags, ref)
-            if snapshot_id is None and ref != LEDGER_BRANCH:
+            if snapshot_id is None and not is_internal(ref):
                 snapshot_id = _looked_up(self._icechunk.lookup_branch, self._icechunk.list_branches, ref)
         if snapshot_id is not None:
             return snapshot_id
@@ -271,9 +284,7 @@ class GraspRepository:
         Raises:
             RefNotFoundError: There is no such branch.
         """
-        self.check_process()
-        if branch not in self._icechunk.list_branches():
-            raise RefNotFoundError(f"{self.path} has no branch {branch!r} (branches: {', '.join(self._names()[1])})")
+        self._check_branch(branch)
         with icechunk_errors(f"cannot write to branch {branch!r} of {self.path}"):
             return self._icechunk.writable_session(branch)
 
@@ -336,6 +347,9 @@ class GraspRepository:
                 "find it and stop it, then try again"
             ) from error
         try:
+            if not self._tidy:
+                clear_leftovers(self.folder, self.side_folder)
+                self._tidy = True
             yield
         finally:
             self._lock.release()
@@ -352,11 +366,19 @@ class GraspRepository:
                 "workers with the 'spawn' or 'forkserver' method and open the dataset in each of them"
             )
 
+    def _check_branch(self, branch: str) -> None:
+        self.check_process()
+        if branch not in self._icechunk.list_branches():
+            raise RefNotFoundError(f"{self.path} has no branch {branch!r} (branches: {', '.join(self._names()[1])})")
+
     def _names(self) -> tuple[list[str], list[str]]:
         """Names of the releases and of the branches, each sorted."""
         self.check_process()
         with icechunk_errors(f"cannot list the releases and branches of {self.path}"):
-            return sorted(self._icechunk.list_tags()), sorted(self._icechunk.list_branches() - {LEDGER_BRANCH})
+            return sorted(self._icechunk.list_tags()), self._branch_names()
+
+    def _branch_names(self) -> list[str]:
+        return sorted(name for name in self._icechunk.list_branches() if not is_internal(name))
 
     def _tags(self) -> dict[str, str]:
         self.check_process()

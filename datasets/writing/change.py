@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 import zarr
 
@@ -12,6 +12,8 @@ from handsight.datasets.errors import SessionConflictError
 from handsight.datasets.reading.reader import GraspDataset
 from handsight.datasets.store.icechunk_engine import icechunk_errors
 from handsight.datasets.store.repository import GraspRepository
+from handsight.datasets.store.transactions import on_the_tip
+from handsight.datasets.store.writers import at_work
 
 _TRIES = 100
 
@@ -60,17 +62,19 @@ def change_root(repository: GraspRepository, branch: str, change: RootChange[T])
         SessionConflictError: Others kept committing to the same arrays.
         DatasetBusyError: Another process held the commit lock for too long.
     """
-    with repository.locked():
+
+    def work(transaction: Any) -> Changed[T]:
+        with icechunk_errors(f"cannot write to {repository.path}"):
+            message, value = change(transaction.snapshot_id, zarr.open_group(transaction.store, mode="r+"))
+        if message is None:
+            return Changed(snapshot=None, value=value)
+        return Changed(snapshot=repository.commit(transaction, branch=branch, message=message), value=value)
+
+    with repository.locked(), at_work(repository, f"change {branch}"):
         tries_left = _TRIES
         while True:
-            transaction = repository.writable(branch)
-            with icechunk_errors(f"cannot write to {repository.path}"):
-                message, value = change(transaction.snapshot_id, zarr.open_group(transaction.store, mode="r+"))
-            if message is None:
-                return Changed(snapshot=None, value=value)
             try:
-                snapshot = repository.commit(transaction, branch=branch, message=message)
-                return Changed(snapshot=snapshot, value=value)
+                return on_the_tip(repository, branch, work)
             except SessionConflictError:
                 tries_left -= 1
                 if not tries_left:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from functools import partial
 from types import TracebackType
 from typing import Any
 
+import numpy as np
 import zarr
 from ulid import ULID
 
@@ -22,6 +24,7 @@ from handsight.datasets.format.arrays import (
     arrays_with,
     group_at,
     layouts_of,
+    read_rows,
     run_concurrently,
 )
 from handsight.datasets.format.frames import EncodedFrames, FrameEncoder
@@ -37,6 +40,8 @@ from handsight.datasets.records import GraspAttempt, SessionHeader
 from handsight.datasets.store.icechunk_engine import icechunk_errors
 from handsight.datasets.store.layout import check_current
 from handsight.datasets.store.repository import GraspRepository
+from handsight.datasets.store.transactions import on_the_tip
+from handsight.datasets.store.writers import Registration, register
 from handsight.datasets.writing.batches import (
     Columns,
     LastChunks,
@@ -49,6 +54,8 @@ from handsight.datasets.writing.batches import (
     session_arrays,
 )
 
+_DIGEST = "attempts/digest"
+
 
 class SessionWriter:
     """The one writer of a session.
@@ -59,6 +66,9 @@ class SessionWriter:
 
     As a context manager it commits what is left on a clean exit. After an exception it drops what was appended since
     the last commit, and nothing else.
+
+    From its making until it is sealed or closed, or its process ends, it is registered as a writer at work, so that
+    collecting garbage and expiring commits keep what it has written.
     """
 
     def __init__(
@@ -80,6 +90,10 @@ class SessionWriter:
         self._layouts = layouts
         self._last_chunks = last_chunks or {}
         self._encoder = FrameEncoder(layouts)
+        self._in_doubt = False
+        """Whether a commit ended in an error, or by Ctrl-C, and may have been done all the same."""
+        self._registration: Registration | None = None
+        self._register()
         self._rows: list[Columns] = []
         self._frames: list[EncodedFrames] = []
 
@@ -95,7 +109,11 @@ class SessionWriter:
         """
         _check_header(header)
         writer = cls(repository, header, session=str(ULID()), branch=branch, layouts=new_layouts(header))
-        writer._refuse_repetition(_branch_root(repository, branch))
+        try:
+            writer._refuse_repetition(_branch_root(repository, branch))
+        except BaseException:
+            writer.close()
+            raise
         return writer
 
     @classmethod
@@ -165,7 +183,15 @@ class SessionWriter:
         Raises:
             SessionConflictError: As for :meth:`commit`; so are the other errors.
         """
-        return self._commit(message, sealed_attributes()) if self.next_number else None
+        snapshot_id = self._commit(message, sealed_attributes()) if self.next_number else None
+        self.close()
+        return snapshot_id
+
+    def close(self) -> None:
+        """Be at work no longer, whatever was appended; a later commit is at work again."""
+        registration, self._registration = self._registration, None
+        if registration is not None:
+            registration.close()
 
     def __enter__(self) -> SessionWriter:
         return self
@@ -173,18 +199,29 @@ class SessionWriter:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        if kind is None:
-            self.commit()
+        try:
+            if kind is None:
+                self.commit()
+        finally:
+            self.close()
         self._drop_appended()
 
+    def _register(self) -> None:
+        if self._registration is None:
+            self._registration = register(self.repository, f"record session {self.session}", session=self.session)
+
     def _commit(self, message: str, attributes: dict[str, Any]) -> str:
-        added = len(self._rows)
-        if not message:
-            verb = "seal" if attributes["status"] == "sealed" else "record"
-            message = f"{verb} session {self.session}, {counted(added, 'attempt')}"
-        transaction = self.repository.writable(self.branch)
+        self._register()
+        return on_the_tip(self.repository, self.branch, partial(self._commit_to, message, attributes))
+
+    def _commit_to(self, message: str, attributes: dict[str, Any], transaction: Any) -> str:
+        snapshot_id: str = transaction.snapshot_id
         with icechunk_errors(f"cannot write to {self.repository.path}"):
-            group, arrays = self._open(zarr.open_group(transaction.store, mode="r+"))
+            root = zarr.open_group(transaction.store, mode="r+")
+            if self._take_as_stored(root) and attributes["status"] == "open":
+                return snapshot_id
+            added = len(self._rows)
+            group, arrays = self._open(root)
             group.update_attributes(attributes)  # Even if they say the same, so that two writers collide.
             last_chunks = self._last_chunks
             if added:
@@ -193,7 +230,11 @@ class SessionWriter:
             if attributes["status"] == "sealed":
                 rechunk_columns(group, packed_rows("sealed", self.next_number))
         if not transaction.has_uncommitted_changes:
-            return transaction.snapshot_id  # Sealed again within the second: Icechunk refuses an empty commit.
+            return snapshot_id  # Sealed again within the second: Icechunk refuses an empty commit.
+        if not message:
+            verb = "seal" if attributes["status"] == "sealed" else "record"
+            message = f"{verb} session {self.session}, {counted(added, 'attempt')}"
+        self._in_doubt = True
         snapshot_id = self.repository.commit(
             transaction,
             branch=self.branch,
@@ -205,7 +246,27 @@ class SessionWriter:
         self._last_chunks = last_chunks
         self._layouts = layouts_of(arrays)
         self._drop_appended()
+        self._in_doubt = False
         return snapshot_id
+
+    def _take_as_stored(self, root: zarr.Group) -> bool:
+        """Whether what was appended is stored already, by a commit that was interrupted once the branch had moved."""
+        path = f"{SESSIONS}/{self.session}"
+        if not self._in_doubt or not self._rows or (not self._stored and path not in root):
+            return False
+        group = group_at(root, path)
+        digests = array_at(group, _DIGEST)
+        if digests.shape[0] != self.next_number:
+            return False
+        appended = np.stack([row[_DIGEST] for row in self._rows])
+        if not np.array_equal(read_rows(digests, self._stored, self.next_number), appended):
+            return False
+        arrays = session_arrays(group)
+        self._stored = self.next_number
+        self._last_chunks = read_last_chunks(arrays, stored=self._stored)
+        self._layouts = layouts_of(arrays)
+        self._drop_appended()
+        return True
 
     def _drop_appended(self) -> None:
         self._rows.clear()

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import os
+import sys
 from pathlib import Path
+from subprocess import PIPE, Popen
 
 import pytest
 
-from handsight.datasets.atomic import atomic_file, atomic_folder
+from handsight.datasets.atomic import atomic_file, atomic_folder, clear_unfinished
 
 
 def test_a_file_appears_when_the_block_ends_and_not_before(tmp_path: Path) -> None:
@@ -114,3 +116,50 @@ def test_what_is_to_be_durable_is_synced_before_and_after_it_is_renamed(
     with atomic_folder(target, durable=durable) as unfinished:
         unfinished.mkdir()
     assert synced == [(False, False), (True, True)] * 2 * durable
+
+
+KILLED = """
+import os, signal, sys
+from pathlib import Path
+from handsight.datasets.atomic import atomic_file, atomic_folder
+make = {"file": atomic_file, "folder": atomic_folder}[sys.argv[1]]
+with make(Path(sys.argv[2])) as unfinished:
+    if sys.argv[1] == "folder":
+        unfinished.mkdir()
+        unfinished = unfinished / "half"
+    unfinished.write_text("half")
+    if sys.argv[3] == "kill":
+        os.kill(os.getpid(), signal.SIGKILL)
+    print("at work", flush=True)
+    sys.stdin.read()
+"""
+
+
+def written_elsewhere(kind: str, target: Path, end: str) -> Popen[str]:
+    return Popen([sys.executable, "-P", "-c", KILLED, kind, str(target), end], stdin=PIPE, stdout=PIPE, text=True)
+
+
+@pytest.mark.parametrize("kind", ["file", "folder"])
+def test_what_a_killed_process_was_writing_goes_with_the_next_of_its_name(tmp_path: Path, kind: str) -> None:
+    target = tmp_path / "set.zarr"
+    with written_elsewhere(kind, target, "kill") as killed:
+        killed.communicate()
+    assert len(list(tmp_path.iterdir())) == 2
+    with atomic_file(target) if kind == "file" else atomic_folder(target) as unfinished:
+        unfinished.write_text("whole")
+    assert list(tmp_path.iterdir()) == [target]
+
+
+@pytest.mark.parametrize("kind", ["file", "folder"])
+def test_what_another_process_is_writing_stays(tmp_path: Path, kind: str) -> None:
+    target = tmp_path / "set.zarr"
+    with written_elsewhere(kind, target, "wait") as other:
+        assert other.stdout is not None
+        assert other.stdout.readline() == "at work\n"
+        before = set(tmp_path.iterdir())
+        clear_unfinished(tmp_path)
+        assert set(tmp_path.iterdir()) == before
+        other.kill()
+        other.wait()
+        clear_unfinished(tmp_path)
+    assert list(tmp_path.iterdir()) == []

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rerun.experimental import ViewerClient
 
+from handsight.jobs.processes import bound_command
 from handsight.viz.errors import NoVulkanError, ScreenshotError
 
 NO_VULKAN_SIGNS = ("No graphics adapter", "Failed to get render context")
@@ -69,7 +70,7 @@ def _viewer() -> Iterator[ViewerClient]:
     command = [str(_viewer_binary()), "--headless", "--hide-welcome-screen", "--bind", "127.0.0.1", "--port", str(port)]
     command += ["--memory-limit", MEMORY_LIMIT]
     with tempfile.TemporaryFile() as log:
-        process = subprocess.Popen(command, stdout=log, stderr=log, env={**os.environ, **QUIET})
+        process = subprocess.Popen(bound_command(command), stdout=log, stderr=log, env={**os.environ, **QUIET})
         try:
             _wait_until_listening(process, port, log)
             yield ViewerClient.connect(f"rerun+http://127.0.0.1:{port}/proxy")

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import os
+import select
+import sys
 from pathlib import Path
+from subprocess import PIPE, Popen
 from typing import Any
 
 import numpy as np
@@ -62,3 +66,29 @@ def test_without_a_driver_the_package_to_install_is_named(
 def test_a_missing_recording_is_reported(tmp_path: Path) -> None:
     with pytest.raises(ScreenshotError, match=r"expected an \.rrd file"):
         save_screenshots(tmp_path / "none.rrd", {}, timeline="servo_step")
+
+
+SHOOTER = """
+import os, sys
+from pathlib import Path
+from handsight.viz.recordings.screenshot import _viewer
+with _viewer():
+    (viewer,) = Path(f"/proc/self/task/{os.getpid()}/children").read_text().split()
+    print(viewer, flush=True)
+    sys.stdin.read()
+"""
+
+
+def test_the_viewer_ends_with_a_killed_command() -> None:
+    with Popen([sys.executable, "-P", "-c", SHOOTER], stdin=PIPE, stdout=PIPE, stderr=PIPE, text=True) as command:
+        assert command.stdout is not None
+        assert command.stderr is not None
+        viewer = command.stdout.readline()
+        if not viewer:
+            said = command.stderr.read()
+            assert "NoVulkanError" in said, said
+            pytest.skip(said.splitlines()[-1])
+        gone = select.poll()
+        gone.register(os.pidfd_open(int(viewer)), select.POLLIN)
+        command.kill()
+    assert gone.poll(60_000), "the viewer goes on without its command"

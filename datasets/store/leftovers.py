@@ -1,0 +1,42 @@
+"""What killed processes left in a local dataset and beside it."""
+
+from __future__ import annotations
+
+import tempfile
+from contextlib import suppress
+from pathlib import Path
+
+from handsight.datasets.atomic import clear_unfinished, is_unfinished
+from handsight.datasets.held import clear_abandoned, remove_abandoned, remove_tree
+
+TEMPORARY_PREFIX = "handsight-"
+"""Of every folder that handsight makes where temporary files go."""
+
+
+WRITERS_FOLDER = "writers"
+"""In the side folder: a file for every writer at work (writers.py)."""
+
+
+def clear_leftovers(root: Path, side_folder: Path) -> None:
+    """Delete branches and releases that were never renamed into place, and entries of writers that are gone.
+
+    The caller holds the commit lock. Those are written under that lock alone, so none of them is being written now.
+    What may not be deleted stays.
+    """
+    with suppress(OSError):
+        for folder in (root, *(one for one in (root / "refs").iterdir() if one.is_dir())):
+            for path in folder.iterdir():
+                if is_unfinished(path):
+                    remove_tree(path)
+        for path in (side_folder / WRITERS_FOLDER).glob("*.json"):
+            remove_abandoned(path)
+
+
+def clear_surroundings(root: Path, side_folder: Path) -> None:
+    """Delete what killed processes left in the caches, beside the dataset, and among the temporary files.
+
+    That is where datasets, exports and the robot's model are made. What somebody works at is left alone.
+    """
+    for folder in (root.resolve().parent, side_folder, *(one for one in side_folder.rglob("*") if one.is_dir())):
+        clear_unfinished(folder)
+    clear_abandoned(Path(tempfile.gettempdir()), TEMPORARY_PREFIX)

@@ -1,0 +1,226 @@
+"""Who is writing to a dataset, for those who delete what no version needs.
+
+Chunks are stored before the commit that names them, of an import hours before, so every writer registers before its
+first one and tells until its last commit that it is at work. A registration is a file that its process holds locked
+(held.py), in the side folder: a stopped writer counts, a killed one does not, and nobody has to guess from ages.
+
+No lock reaches from machine to machine over a bucket, so there a branch stands for the writer as well. It begins at the
+version that the writer found, and says when and where the writer began. Only the writer's own machine can tell that it
+is gone; elsewhere it counts until somebody who knows better says so.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import os
+import re
+import socket
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+from ulid import ULID
+
+from handsight.datasets.address import DEFAULT_REF, S3Prefix
+from handsight.datasets.errors import StorageError
+from handsight.datasets.held import HeldFile, is_held, remove_abandoned
+from handsight.datasets.store.icechunk_engine import icechunk_errors
+from handsight.datasets.store.leftovers import WRITERS_FOLDER
+from handsight.datasets.store.releases import WRITER_PREFIX
+from handsight.datasets.store.repository import GraspRepository
+
+_COARSEST_FILE_TIME = timedelta(seconds=2)
+_FARTHEST_CLOCK = timedelta(minutes=15)
+"""An object store refuses requests from clocks that are further off than this."""
+_ULID = re.compile(r"[0-7][0-9A-HJKMNP-TV-Z]{25}")
+_BRANCH = re.compile(rf"{re.escape(WRITER_PREFIX)}({_ULID.pattern})\.(.*)-(\d+)")
+
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Writer:
+    """Somebody who is, or in a bucket may be, writing to a dataset."""
+
+    id: str
+    what: str
+    """What it does, such as ``import grasps.hdf5``; of a writer elsewhere no more is known than that it writes."""
+    session: str | None
+    """The session that it records; None for any other work."""
+    host: str
+    pid: int
+    begun: datetime
+    """UTC. Nothing that it has written is older, by the clock of the disk or bucket."""
+
+
+class Registration:
+    """A writer's entry among those at work, until it is closed or its process ends."""
+
+    def __init__(self, repository: GraspRepository, writer_id: str, held: HeldFile, branch: str | None) -> None:
+        self._repository = repository
+        self._held = held
+        self._branch = branch
+        self.id = writer_id
+
+    def close(self) -> None:
+        """Take the entry back; nothing happens the second time."""
+        branch, self._branch = self._branch, None
+        if branch is not None:
+            try:
+                _delete_branch(self._repository, branch)
+            except StorageError as error:
+                _log.warning("%s; 'handsight dataset gc --ignore-writer %s' frees what it keeps", error, self.id)
+        self._held.release()
+
+
+def register(repository: GraspRepository, what: str, *, session: str | None = None) -> Registration:
+    """Enter a writer among those at work, before it writes anything.
+
+    Args:
+        repository: The dataset.
+        what: What it does, for people.
+        session: The session that it records, if it does.
+
+    Raises:
+        DatasetBusyError: Garbage is being collected, for too long.
+        StorageError: The disk is not writable, or the bucket not within reach.
+    """
+    writer_id = str(ULID())
+    in_bucket = isinstance(repository.path, S3Prefix)
+    folder = repository.side_folder / WRITERS_FOLDER
+    pid, host = os.getpid(), socket.gethostname()
+    said = {"what": what, "session": session, "host": host, "pid": pid, "begun": _moment_of(writer_id).isoformat()}
+    # A collection that goes on has looked for writers already.
+    with repository.locked():
+        held = _held(folder, writer_id, json.dumps(said), outlives_loss=in_bucket)
+    branch = None
+    if in_bucket:
+        branch = f"{WRITER_PREFIX}{writer_id}.{re.sub('[^A-Za-z0-9_-]', '-', host)[:64]}-{pid}"
+        with icechunk_errors(f"cannot register as a writer to {repository.path}"):
+            engine = repository.icechunk_repository
+            engine.create_branch(branch, engine.lookup_branch(DEFAULT_REF))
+    return Registration(repository, writer_id, held, branch)
+
+
+@contextmanager
+def at_work(repository: GraspRepository, what: str) -> Iterator[None]:
+    """While the block runs, what it writes is kept by whoever collects garbage or expires commits.
+
+    Raises:
+        DatasetBusyError, StorageError: As for :func:`register`.
+    """
+    registration = register(repository, what)
+    try:
+        yield
+    finally:
+        registration.close()
+
+
+def writers_at_work(repository: GraspRepository) -> list[Writer]:
+    """Everybody who is, or may be, writing, in the order in which they began.
+
+    In a local dataset those are processes that are alive, on whatever machine, as far as file locks reach.
+
+    Raises:
+        StorageError: The bucket is not within reach.
+    """
+    folder = repository.side_folder / WRITERS_FOLDER
+    if not isinstance(repository.path, S3Prefix):
+        return [one for file in _files(folder) if is_held(file) and (one := _from_file(file)) is not None]
+    found = []
+    for writer in _branches(repository).values():
+        file = folder / f"{writer.id}.json"
+        if is_held(file):
+            # Of a process of this machine the file says more.
+            told = _from_file(file)
+            found.append(writer if told is None else replace(writer, what=told.what, session=told.session))
+    return sorted(found, key=lambda writer: writer.id)
+
+
+def forget_dead_writers(repository: GraspRepository, ignored: frozenset[str] = frozenset()) -> None:
+    """Take back the entries of writers that are surely gone, and of those that are known to be.
+
+    Args:
+        repository: The dataset.
+        ignored: Ids of writers to a bucket that somebody knows to be gone.
+
+    Raises:
+        StorageError: The bucket is not within reach.
+    """
+    folder = repository.side_folder / WRITERS_FOLDER
+    if isinstance(repository.path, S3Prefix):
+        for branch, writer in _branches(repository).items():
+            if writer.id in ignored or not is_held(folder / f"{writer.id}.json"):
+                _delete_branch(repository, branch)
+    for file in _files(folder):
+        with suppress(OSError):
+            remove_abandoned(file)
+
+
+def _held(folder: Path, writer_id: str, content: str, *, outlives_loss: bool) -> HeldFile:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        return HeldFile(folder / f"{writer_id}.json", content, outlives_loss=outlives_loss)
+    except OSError as error:
+        raise StorageError(
+            f"cannot register as a writer in {folder}: {error.strerror}; check that the disk is writable and not full"
+        ) from error
+
+
+def _files(folder: Path) -> list[Path]:
+    return sorted(file for file in folder.glob("*.json") if _ULID.fullmatch(file.stem))
+
+
+def _from_file(file: Path) -> Writer | None:
+    """What a writer of this machine said; None when it has just ended."""
+    said: dict[str, Any] = {}
+    try:
+        changed = file.stat().st_mtime
+        with suppress(ValueError):  # It has not said it yet.
+            said = json.loads(file.read_text(encoding="utf-8"))
+    except OSError:
+        return None
+    return Writer(
+        id=file.stem,
+        what=said.get("what", "write"),
+        session=said.get("session"),
+        host=said.get("host", ""),
+        pid=said.get("pid", 0),
+        # By both clocks: a file server has its own, and that one dates the chunks.
+        begun=min(_moment_of(file.stem), datetime.fromtimestamp(changed, UTC)) - _COARSEST_FILE_TIME,
+    )
+
+
+def _branches(repository: GraspRepository) -> dict[str, Writer]:
+    with icechunk_errors(f"cannot list the writers to {repository.path}"):
+        names = sorted(repository.icechunk_repository.list_branches())
+    return {name: writer for name in names if (writer := _from_branch(name)) is not None}
+
+
+def _from_branch(name: str) -> Writer | None:
+    match = _BRANCH.fullmatch(name)
+    if match is None:
+        return None
+    return Writer(
+        id=match[1],
+        what="write",
+        session=None,
+        host=match[2],
+        pid=int(match[3]),
+        begun=_moment_of(match[1]) - _FARTHEST_CLOCK,
+    )
+
+
+def _delete_branch(repository: GraspRepository, branch: str) -> None:
+    with icechunk_errors(f"cannot take back the entry {branch} of a writer to {repository.path}"):
+        engine = repository.icechunk_repository
+        if branch in engine.list_branches():
+            engine.delete_branch(branch)
+
+
+def _moment_of(writer_id: str) -> datetime:
+    return datetime.fromtimestamp(ULID.from_str(writer_id).timestamp, UTC)
