@@ -22,7 +22,7 @@ _SCRAPS = (
     "\u202e",
     "\ud800",
     "½",
-    "９",
+    "\uff19",
     "%",
     "$HOME",
     "~",
@@ -145,7 +145,7 @@ def address_text(rng: np.random.Generator, dataset: str = "grasps") -> str:
 
 def attempt_text(rng: np.random.Generator, attempt: str = "01M8A8K01KDE9KJZ4VD127MAWY-000003") -> str:
     """An attempt's id, a beginning of one, a number, or what is none of them."""
-    numbers = ("0", "3", "-1", "1e3", "0x3", "9" * 5000, "3.0", "+3", " 3", "０", "999999999999")
+    numbers = ("0", "3", "-1", "1e3", "0x3", "9" * 5000, "3.0", "+3", " 3", "\uff10", "999999999999")
     match int(rng.integers(0, 4)):
         case 0:
             return _pick(rng, numbers)
@@ -158,7 +158,7 @@ def attempt_text(rng: np.random.Generator, attempt: str = "01M8A8K01KDE9KJZ4VD12
 
 def age_text(rng: np.random.Generator) -> str:
     """An age or a date, as ``gc --older-than`` takes them, or what is none."""
-    numbers = ("0", "1", "7", "-1", "9" * 14, "9" * 4400, "1.5", "1e9", "nan", "", "２")
+    numbers = ("0", "1", "7", "-1", "9" * 14, "9" * 4400, "1.5", "1e9", "nan", "", "\uff12")
     dates = (
         "2026-01-31",
         "0001-01-01",
