@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ from handsight.evaluation.trial import TrialRecording
 from handsight.viz.errors import NoVulkanError, ScreenshotError
 from handsight.viz.examples import HeatmapExample
 from handsight.viz.recordings.heatmaps import write_heatmaps
-from handsight.viz.recordings.screenshot import save_screenshots
+from handsight.viz.recordings.screenshot import patiently, save_screenshots
 
 
 def shoot(recording: Path, shots: dict[int, Path], timeline: str) -> list[NDArray[Any]]:
@@ -62,3 +63,28 @@ def test_without_a_driver_the_package_to_install_is_named(
 def test_a_missing_recording_is_reported(tmp_path: Path) -> None:
     with pytest.raises(ScreenshotError, match=r"expected an \.rrd file"):
         save_screenshots(tmp_path / "none.rrd", {}, timeline="servo_step")
+
+
+def test_a_client_that_gives_up_is_asked_again() -> None:
+    answers = [TimeoutError("busy"), TimeoutError("busy"), b"png"]
+
+    def ask() -> bytes:
+        answer = answers.pop(0)
+        if isinstance(answer, TimeoutError):
+            raise answer
+        return answer
+
+    assert patiently(ask, time.monotonic() + 60, "show a picture") == b"png"
+    assert answers == []
+
+
+def test_the_limit_ends_in_an_error_of_this_room() -> None:
+    asked = []
+
+    def ask() -> None:
+        asked.append(1)
+        raise TimeoutError("busy")
+
+    with pytest.raises(ScreenshotError, match="did not show a picture within"):
+        patiently(ask, time.monotonic() + 0.05, "show a picture")
+    assert asked
