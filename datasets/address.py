@@ -77,8 +77,14 @@ def _bucket_faults(bucket: str) -> list[str]:
         return ["the bucket is missing"]
     rules = (
         (3 <= len(bucket) <= 63, f"has 3 to 63 characters, and {bucket!r} has {len(bucket)}"),
-        (re.fullmatch(r"[a-z0-9.-]*", bucket), f"holds lower-case letters, digits, '-' and '.' alone, unlike {bucket!r}"),
-        (re.fullmatch(r"[a-z0-9].*[a-z0-9]|.", bucket, re.DOTALL), f"begins and ends with a letter or digit, unlike {bucket!r}"),
+        (
+            re.fullmatch(r"[a-z0-9.-]*", bucket),
+            f"holds lower-case letters, digits, '-' and '.' alone, unlike {bucket!r}",
+        ),
+        (
+            re.fullmatch(r"[a-z0-9].*[a-z0-9]|.", bucket, re.DOTALL),
+            f"begins and ends with a letter or digit, unlike {bucket!r}",
+        ),
         (".." not in bucket, f"holds no two dots in a row, unlike {bucket!r}"),
     )
     return [f"a bucket's name {rule}" for kept, rule in rules if not kept]

@@ -8,6 +8,7 @@ import signal
 import threading
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
+from multiprocessing.context import SpawnContext, SpawnProcess
 from typing import Any
 
 
@@ -17,8 +18,25 @@ def process_pool(workers: int, prepare: Callable[..., object] | None = None, *ar
     They are spawned, not forked: neither Icechunk nor PyBullet survives a fork. They end with this process, even when
     it is killed.
     """
-    spawn = multiprocessing.get_context("spawn")
-    return ProcessPoolExecutor(workers, spawn, initializer=_settle_in, initargs=(prepare, arguments))
+    return ProcessPoolExecutor(workers, _QuietContext(), initializer=_settle_in, initargs=(prepare, arguments))
+
+
+class _QuietProcess(SpawnProcess):
+    """A process that Ctrl-C does not reach while it starts either, when Python would answer with a traceback."""
+
+    def start(self) -> None:
+        """Start with the signal blocked; what this thread blocks, the new process blocks from its first instruction."""
+        blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            super().start()
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
+
+
+class _QuietContext(SpawnContext):
+    """Spawns such processes."""
+
+    Process = _QuietProcess
 
 
 def _settle_in(prepare: Callable[..., object] | None, arguments: tuple[Any, ...]) -> None:

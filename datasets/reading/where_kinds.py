@@ -11,7 +11,7 @@ import ast
 import difflib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
 import pandas as pd
 import pyarrow as pa
@@ -96,8 +96,10 @@ class _Checked:
                 return self._refuse(f"the list {_text(node)} stands alone, expected 'COLUMN in {_text(node)}'")
         return self._refuse(f"{_text(node)} is not allowed, expected comparisons of columns")
 
-    def _refuse(self, fault: str) -> None:
+    def _refuse(self, fault: str) -> Kind | None:
+        """Note a fault; the part that has it is of no kind."""
         self.faults.append(fault)
+        return None
 
     def _column(self, node: ast.Name) -> Kind | None:
         if node.id not in self.kinds:
@@ -261,12 +263,13 @@ class _Checked:
 def as_time(text: object) -> pd.Timestamp | None:
     """A date or time in UTC, without saying so; None for any other text."""
     try:
-        time = pd.Timestamp(text)  # type: ignore[arg-type]  # What is no text is refused.
+        time: Any = pd.Timestamp(text)  # type: ignore[arg-type]  # What is no text is refused.
     except (TypeError, ValueError, OverflowError):
         return None
-    if not isinstance(time, pd.Timestamp):
+    if time is pd.NaT:
         return None
-    return time if time.tzinfo is None else time.tz_convert("UTC").tz_localize(None)
+    found: pd.Timestamp = time if time.tzinfo is None else time.tz_convert("UTC").tz_localize(None)
+    return found
 
 
 def pattern_faults(pattern: str) -> list[str]:

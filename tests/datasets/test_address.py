@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 from tests.support.typed_values import address_text
 
-from handsight.datasets import AddressError, DatasetAddress, DatasetError, DatasetNotFoundError, GraspRepository, NotADatasetError
+from handsight.datasets import (
+    AddressError,
+    DatasetAddress,
+    DatasetError,
+    DatasetNotFoundError,
+    GraspRepository,
+    NotADatasetError,
+)
 from handsight.datasets.address import S3Prefix, cache_folder, check_dataset_folder
 
 

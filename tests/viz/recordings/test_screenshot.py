@@ -66,7 +66,7 @@ def test_a_missing_recording_is_reported(tmp_path: Path) -> None:
 
 
 def test_a_client_that_gives_up_is_asked_again() -> None:
-    answers = [TimeoutError("busy"), TimeoutError("busy"), b"png"]
+    answers: list[TimeoutError | bytes] = [TimeoutError("busy"), TimeoutError("busy"), b"png"]
 
     def ask() -> bytes:
         answer = answers.pop(0)
