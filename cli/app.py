@@ -10,6 +10,7 @@ import typer
 from typer.main import get_command
 
 from handsight import __version__
+from handsight.cli.interrupts import INTERRUPTED, INTERRUPTS
 from handsight.cli.lazy import LazyCommand, LazyGroup, lazy_app
 
 NOUNS = (
@@ -18,6 +19,7 @@ NOUNS = (
         "demo:demo",
         "Collect, train, servo and show the results, in one go.",
         ("handsight demo", "handsight demo --out demo --attempts 200 --trials 20"),
+        kept="what is finished is kept; run it again to go on",
     ),
     LazyCommand("collect", "collect:collect_app", "Collect grasp attempts into a dataset."),
     LazyCommand("dataset", "dataset.app:dataset_app", "Create, inspect and release grasp datasets."),
@@ -29,6 +31,7 @@ NOUNS = (
             "handsight train grasps@v1 --out runs/rgbd",
             "handsight train grasps --out runs/depth --channels depth --epochs 40",
         ),
+        kept="no run was written; the network inputs that were made are kept for the next call",
     ),
     LazyCommand(
         "evaluate",
@@ -38,6 +41,7 @@ NOUNS = (
             "handsight evaluate --model runs/rgbd",
             "handsight evaluate --model runs/rgbd --methods cem-1,first-order --trials 200 --json",
         ),
+        kept="no trial is kept; the same call makes the same trials again",
     ),
     LazyCommand(
         "heatmap",
@@ -47,12 +51,14 @@ NOUNS = (
             "handsight heatmap grasps --model runs/rgbd",
             "handsight heatmap grasps 92 93 --model runs/rgbd --picture heatmaps.png",
         ),
+        kept="a file is whole or was not written",
     ),
     LazyCommand(
         "servo",
         "servo:servo_command",
         "Servo once, grasp, and record every step.",
         ("handsight servo --model runs/rgbd", "handsight servo --model runs/rgbd --method first-order --trial 7"),
+        kept="no recording was written",
     ),
     LazyCommand("objects", "objects:objects_app", "Object sets of the simulated station."),
 )
@@ -99,9 +105,13 @@ def run(arguments: Sequence[str] | None = None) -> int:
         os.environ[_COMPLETE] = f"source_{words.pop()}"
     try:
         get_command(app)(args=words, prog_name="handsight")
+    except KeyboardInterrupt:
+        return INTERRUPTED
     except SystemExit as leaving:
         return leaving.code if isinstance(leaving.code, int) else int(leaving.code is not None)
     except Exception as error:
+        if INTERRUPTS.count:
+            return INTERRUPTED  # Somebody on the way has made another error of Ctrl-C.
         from handsight.cli.errors import EXPECTED, report  # imports every room, which only a failure should pay for
 
         if not isinstance(error, EXPECTED):
@@ -115,4 +125,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
 
 def main() -> None:
     """Entry point of the executable."""
-    sys.exit(run())
+    INTERRUPTS.install()
+    status = run()
+    INTERRUPTS.end()
+    sys.exit(status)

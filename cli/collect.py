@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -9,10 +10,12 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from handsight.cli.errors import CommandError
+from handsight.cli.interrupts import INTERRUPTED
 from handsight.cli.lazy import LazyCommand, LazyGroup, lazy_app
 from handsight.cli.options import (
     DEFAULT_METHOD,
     DEFAULT_THRESHOLD,
+    MOST_ATTEMPTS,
     TRAINING_OBJECTS,
     DatasetPath,
     Json,
@@ -22,7 +25,7 @@ from handsight.cli.options import (
     Seed,
     Workers,
 )
-from handsight.cli.output import console, errors, print_json, progress_bar
+from handsight.cli.output import console, print_json, progress_bar
 from handsight.cli.wiring.policies import DEFAULT_RANDOM_SHARE, policy_named
 from handsight.datasets.errors import counted
 from handsight.jobs.engine import LOCAL, Engine
@@ -46,6 +49,7 @@ class CollectGroup(LazyGroup):
                 "handsight collect sim grasps -n 600 --resume",
                 "handsight collect sim more --policy servo --model runs/rgbd --vary all",
             ),
+            kept="every finished attempt is committed; go on with --resume",
         ),
         LazyCommand(
             "picture",
@@ -61,7 +65,7 @@ collect_app = lazy_app(CollectGroup, help="Collect grasp attempts into a dataset
 
 def collect_sim(
     dataset: DatasetPath,
-    attempts: Annotated[int, typer.Option("--attempts", "-n", help="Length of the session.")] = 600,
+    attempts: Annotated[int, typer.Option("--attempts", "-n", max=MOST_ATTEMPTS, help="Length of the session.")] = 600,
     seed: Seed = 0,
     workers: Workers = 2,
     objects: Objects = TRAINING_OBJECTS,
@@ -91,7 +95,7 @@ def collect_sim(
         float | None,
         typer.Option(help=f"Predicted success at which the servo policy grasps; {DEFAULT_THRESHOLD} unless given."),
     ] = None,
-    shakes: Annotated[int, typer.Option(help="Shakes after the lift; section III-B has three.")] = 0,
+    shakes: Annotated[int, typer.Option(min=0, max=100, help="Shakes after the lift; section III-B has three.")] = 0,
     pregrasp_picture: Annotated[
         bool, typer.Option("--pregrasp-picture", help="Also record a picture at the pre-grasp pose.")
     ] = False,
@@ -197,7 +201,7 @@ def collect_with_progress(
         try:
             return collect(repository, factory, settings, resume=resume, engine=engine, on_attempt=show)
         except KeyboardInterrupt:
-            errors.print(
-                "interrupted: every finished attempt is committed; run it again to go on (collect: with --resume)"
+            sys.stderr.write(
+                "interrupted: every finished attempt is committed; run it again to go on (collect: with --resume)\n"
             )
-            raise typer.Exit(130) from None
+            raise typer.Exit(INTERRUPTED) from None

@@ -15,7 +15,15 @@ from handsight.cli.collect import collect_with_progress
 from handsight.cli.errors import CommandError
 from handsight.cli.evaluate import evaluate_model, print_results
 from handsight.cli.heatmap import heatmap_examples, latest_attempts
-from handsight.cli.options import DEFAULT_METHOD, NOVEL_OBJECTS, TRAINING_OBJECTS, Seed, Workers
+from handsight.cli.options import (
+    DEFAULT_METHOD,
+    MOST_ATTEMPTS,
+    MOST_TRIALS,
+    NOVEL_OBJECTS,
+    TRAINING_OBJECTS,
+    Seed,
+    Workers,
+)
 from handsight.cli.output import console
 from handsight.cli.servo import write_trace
 from handsight.cli.train import describe, train_to_folder
@@ -76,8 +84,10 @@ class DemoPaths:
 
 def demo(
     out: Annotated[Path, typer.Option("--out", help="Folder for everything the demo makes.")] = Path("demo"),
-    attempts: Annotated[int, typer.Option("--attempts", "-n", help="Grasp attempts to collect.")] = 600,
-    trials: Annotated[int, typer.Option(help="Evaluation trials of each method.")] = 50,
+    attempts: Annotated[
+        int, typer.Option("--attempts", "-n", max=MOST_ATTEMPTS, help="Grasp attempts to collect.")
+    ] = 600,
+    trials: Annotated[int, typer.Option(max=MOST_TRIALS, help="Evaluation trials of each method.")] = 50,
     seed: Seed = 0,
     workers: Workers = 2,
 ) -> None:

@@ -11,6 +11,7 @@ import typer
 from handsight.cli.options import (
     DEFAULT_THRESHOLD,
     EVALUATION_SEED,
+    MOST_TRIALS,
     NOVEL_OBJECTS,
     Json,
     Model,
@@ -34,7 +35,7 @@ def evaluate_command(
         str | None, typer.Option(metavar="A,B,C", help="Servo methods; all there are unless given.")
     ] = None,
     objects: Objects = NOVEL_OBJECTS,
-    trials: Annotated[int, typer.Option("--trials", "-n", help="Trials of each method.")] = 100,
+    trials: Annotated[int, typer.Option("--trials", "-n", max=MOST_TRIALS, help="Trials of each method.")] = 100,
     station: Annotated[Literal["sim"], typer.Option(help="Where to try.")] = "sim",
     threshold: Threshold = DEFAULT_THRESHOLD,
     seed: TrialSeed = EVALUATION_SEED,

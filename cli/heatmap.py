@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from handsight.cli.opening import checked_address, open_version
-from handsight.cli.options import Dataset, Ids, Model
+from handsight.cli.options import MOST_ATTEMPTS, Dataset, Ids, Model
 from handsight.cli.output import console, progress_bar
 from handsight.datasets.errors import counted
 from handsight.training.run_folder import check_finished_run
@@ -28,8 +28,12 @@ def heatmap_command(
     model: Model,
     attempts: Ids = None,
     out: Annotated[Path, typer.Option("--out", help="Recording to write, for 'rerun FILE'.")] = Path("heatmaps.rrd"),
-    count: Annotated[int, typer.Option("--count", "-n", min=1, help="How many of the latest, without ids.")] = 8,
-    spacing_px: Annotated[int, typer.Option("--spacing", help="Pixels between the points of the map.")] = 8,
+    count: Annotated[
+        int, typer.Option("--count", "-n", min=1, max=MOST_ATTEMPTS, help="How many of the latest, without ids.")
+    ] = 8,
+    spacing_px: Annotated[
+        int, typer.Option("--spacing", min=1, max=10_000, help="Pixels between the points of the map.")
+    ] = 8,
     picture: Annotated[
         Path | None,
         typer.Option("--picture", metavar="FILE.png", help=f"Draw the first {COLUMNS} side by side, for a document."),

@@ -16,6 +16,8 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 from typer.main import get_command
 
+from handsight.cli.command import HandsightCommand
+
 _PLAIN: dict[str, Any] = {"rich_markup_mode": None, "pretty_exceptions_enable": False, "add_completion": False}
 """Help is plain text: Rich would take ``[px]`` for markup, and its import takes longer than everything else."""
 
@@ -31,6 +33,8 @@ class LazyCommand:
     """The line that lists it. Its own page, made of the function's docstring, says more."""
     examples: tuple[str, ...] = ()
     """Calls that the page ends with; none for a group."""
+    kept: str = ""
+    """What Ctrl-C leaves, and how to go on; empty where nothing is lost but the answer."""
 
     def listed(self) -> TyperCommand:
         """What stands for it in a list: the name and the line."""
@@ -43,8 +47,10 @@ class LazyCommand:
         if isinstance(found, typer.Typer):
             return get_command(found)
         app = typer.Typer(**_PLAIN)
-        app.command(self.name, epilog=_examples(self.examples))(found)
-        return get_command(app)
+        app.command(self.name, cls=HandsightCommand, epilog=_examples(self.examples))(found)
+        command = get_command(app)
+        command.kept = self.kept  # type: ignore[attr-defined]  # It is a HandsightCommand.
+        return command
 
 
 class LazyGroup(TyperGroup):

@@ -57,10 +57,10 @@ def ls(as_json: Json = False) -> None:
 def import_meshes(
     folder: Annotated[Path, typer.Argument(help="Folder with obj, stl, ply or glb files.")],
     name: Annotated[str, typer.Option("--name", help="Name of the set from now on.")],
-    scale: Annotated[float, typer.Option(help="Metres per unit of the files.")] = 1.0,
+    scale: Annotated[float, typer.Option(max=1e6, help="Metres per unit of the files.")] = 1.0,
     pattern: Annotated[str, typer.Option(help="Which files below the folder are read.")] = "**/*",
     licence: Annotated[str, typer.Option(help="Terms under which the meshes are used.")] = "unknown",
-    density: Annotated[float, typer.Option(help="Mass per enclosed volume [kg/m3].")] = 400.0,
+    density: Annotated[float, typer.Option(max=1e6, help="Mass per enclosed volume [kg/m3].")] = 400.0,
     plain: Annotated[bool, typer.Option("--plain", help="Leave materials, textures and colours unread.")] = False,
     skip_bad: Annotated[bool, typer.Option("--skip-bad", help="Leave bad meshes out instead of refusing all.")] = False,
     dry_run: DryRun = False,

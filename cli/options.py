@@ -18,6 +18,14 @@ DEFAULT_THRESHOLD = 0.95
 EVALUATION_SEED = 1_000_000
 """Where trials begin; ``EvaluationSettings`` has it too, and a test that they agree."""
 
+LARGEST_SEED = 2**63 - 1
+"""Seeds are stored as signed whole numbers of 64 bits."""
+MOST_WORKERS = 1024
+MOST_TRIALS = 1_000_000
+MOST_EPOCHS = 100_000
+MOST_ATTEMPTS = 10_000_000
+"""Of one session: its numbers, and what is asked of one call, stay far from what a machine can hold."""
+
 # Where a dataset is, and which version of it.
 Dataset = Annotated[str, typer.Argument(metavar="DATASET[@REF]", help="Dataset folder, optionally at a version.")]
 DatasetPath = Annotated[str, typer.Argument(metavar="DATASET", help="Dataset folder, or s3://bucket/prefix.")]
@@ -51,15 +59,21 @@ DryRun = Annotated[bool, typer.Option("--dry-run", help="Check and say what woul
 # Networks, and how they servo.
 Model = Annotated[Path, typer.Option("--model", metavar="RUN", help="Folder of a trained run.")]
 Threshold = Annotated[float, typer.Option(help="Predicted success at which the grasp is executed.")]
-TrialSeed = Annotated[int, typer.Option("--seed", help="Scenes and starting poses follow from it.")]
+TrialSeed = Annotated[
+    int, typer.Option("--seed", min=0, max=LARGEST_SEED, help="Scenes and starting poses follow from it.")
+]
 
 # The simulated station, and who works on it.
-Seed = Annotated[int, typer.Option("--seed", help="Everything random follows from it.")]
-Workers = Annotated[int, typer.Option("--workers", "-w", help="Processes, each with a station of its own.")]
+Seed = Annotated[int, typer.Option("--seed", min=0, max=LARGEST_SEED, help="Everything random follows from it.")]
+Workers = Annotated[
+    int, typer.Option("--workers", "-w", max=MOST_WORKERS, help="Processes, each with a station of its own.")
+]
 Objects = Annotated[str, typer.Option("--objects", metavar="SET", help="Object set; see 'handsight objects ls'.")]
 PerScene = Annotated[
     int | None,
-    typer.Option("--objects-per-scene", help="Objects in a scene; unless given 5, and 10 for the clutter sets."),
+    typer.Option(
+        "--objects-per-scene", min=1, max=1000, help="Objects in a scene; unless given 5, and 10 for the clutter sets."
+    ),
 ]
 Renderer = Annotated[
     Literal["tiny", "egl", "auto"],

@@ -12,6 +12,7 @@ from handsight.cli.options import (
     DEFAULT_METHOD,
     DEFAULT_THRESHOLD,
     EVALUATION_SEED,
+    MOST_TRIALS,
     NOVEL_OBJECTS,
     Model,
     Objects,
@@ -34,7 +35,9 @@ def servo_command(
     model: Model,
     out: Annotated[Path, typer.Option("--out", help="Recording to write, for 'rerun FILE'.")] = Path("servo.rrd"),
     method: Annotated[str, typer.Option(help="Servo method.")] = DEFAULT_METHOD,
-    trial: Annotated[int, typer.Option(min=0, help="Which trial; begins like the same trial of 'evaluate'.")] = 0,
+    trial: Annotated[
+        int, typer.Option(min=0, max=MOST_TRIALS, help="Which trial; begins like the same trial of 'evaluate'.")
+    ] = 0,
     objects: Objects = NOVEL_OBJECTS,
     station: Annotated[Literal["sim"], typer.Option(help="Where to servo.")] = "sim",
     threshold: Threshold = DEFAULT_THRESHOLD,

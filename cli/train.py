@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from handsight.cli.opening import checked_address, open_version
-from handsight.cli.options import Dataset, Json, Seed
+from handsight.cli.options import MOST_EPOCHS, Dataset, Json, Seed
 from handsight.cli.output import console, print_json, progress_bar
 from handsight.datasets.errors import counted
 from handsight.datasets.inputs.viewpoint import DEFAULT_VIEWPOINT
@@ -27,8 +27,8 @@ def train_command(
     dataset: Dataset,
     out: Annotated[Path, typer.Option("--out", metavar="RUN", help="Folder for the trained run.")],
     channels: Annotated[Literal["rgbd", "rgb", "depth"], typer.Option(help="What the network reads.")] = "rgbd",
-    epochs: Annotated[int, typer.Option(help="Passes over the data.")] = 20,
-    batch: Annotated[int, typer.Option(help="Inputs per step.")] = 200,
+    epochs: Annotated[int, typer.Option(max=MOST_EPOCHS, help="Passes over the data.")] = 20,
+    batch: Annotated[int, typer.Option(max=1_000_000, help="Inputs per step.")] = 200,
     viewpoint: Annotated[
         Literal["overhead", "pregrasp"], typer.Option(help="Picture that is warped to the grasp.")
     ] = DEFAULT_VIEWPOINT,

@@ -7,13 +7,10 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor
-from contextlib import contextmanager
-from typing import Any, ParamSpec, TypeVar
-
-Arguments = ParamSpec("Arguments")
-Answer = TypeVar("Answer")
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing.context import SpawnContext, SpawnProcess
+from typing import Any
 
 # The kernel is asked, as such a program asks nobody: it sends the signal when the parent is gone, unless that was
 # before it was asked.
@@ -44,28 +41,25 @@ def process_pool(workers: int, prepare: Callable[..., object] | None = None, *ar
     They are spawned, not forked: neither Icechunk nor PyBullet survives a fork. They end with this process, even when
     it is killed.
     """
-    spawn = multiprocessing.get_context("spawn")
-    return _Pool(workers, spawn, initializer=_settle_in, initargs=(prepare, arguments))
+    return ProcessPoolExecutor(workers, _QuietContext(), initializer=_settle_in, initargs=(prepare, arguments))
 
 
-class _Pool(ProcessPoolExecutor):
-    """A pool whose processes are deaf to Ctrl-C from their first moment on, and not only once Python has started."""
+class _QuietProcess(SpawnProcess):
+    """A process that Ctrl-C does not reach while it starts either, when Python would answer with a traceback."""
 
-    def submit(
-        self, call: Callable[Arguments, Answer], /, *arguments: Arguments.args, **named: Arguments.kwargs
-    ) -> Future[Answer]:
-        with _interrupts_held_back():  # It is here that processes are started, and they inherit what is held back.
-            return super().submit(call, *arguments, **named)
+    def start(self) -> None:
+        """Start with the signal blocked; what this thread blocks, the new process blocks from its first instruction."""
+        blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            super().start()
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
 
 
-@contextmanager
-def _interrupts_held_back() -> Iterator[None]:
-    """Let Ctrl-C wait until the end of the block."""
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+class _QuietContext(SpawnContext):
+    """Spawns such processes."""
+
+    Process = _QuietProcess
 
 
 def _settle_in(prepare: Callable[..., object] | None, arguments: tuple[Any, ...]) -> None:

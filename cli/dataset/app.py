@@ -158,12 +158,14 @@ COMMANDS = (
         "dataset.integrity:repair_command",
         "Replace damaged attempts on a new branch.",
         ("handsight dataset repair grasps --branch repaired --resimulate",),
+        kept="the version itself is as it was; the same call begins anew",
     ),
     LazyCommand(
         "gc",
         "dataset.integrity:gc",
         "Delete files that no version needs.",
         ("handsight dataset gc grasps --dry-run", "handsight dataset gc grasps --older-than 2h"),
+        kept="what was deleted by then belonged to no version; the same call deletes the rest",
     ),
     LazyCommand(
         "expire",
@@ -180,6 +182,7 @@ COMMANDS = (
             "handsight dataset export grasps@v1 grasps.hdf5 -f hdf5",
             "handsight dataset export grasps@v1 plain.zarr -f zarr",
         ),
+        kept="nothing was written",
     ),
     LazyCommand(
         "import",
@@ -190,18 +193,21 @@ COMMANDS = (
             "handsight dataset import pictures grasps -f images",
             "handsight dataset import ur5e_grasps grasps --map map.toml --dry-run",
         ),
+        kept="nothing was added; the same call begins anew",
     ),
     LazyCommand(
         "merge",
         "dataset.exchange:merge_command",
         "Copy sessions of one dataset into another.",
         ("handsight dataset merge monday@v1 week", "handsight dataset merge monday week --dry-run"),
+        kept="nothing was added; the same call begins anew",
     ),
     LazyCommand(
         "materialize",
         "dataset.exchange:materialize_command",
         "Make the network inputs of a version.",
         ("handsight dataset materialize grasps@v1 --size 64",),
+        kept="no inputs were kept",
     ),
 )
 

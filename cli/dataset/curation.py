@@ -81,7 +81,9 @@ def relabel(
 
 def undo(
     dataset: DatasetBranch,
-    number: Annotated[int | None, typer.Argument(help="Decision to undo; the latest unless given.")] = None,
+    number: Annotated[
+        int | None, typer.Argument(min=0, max=2**31, help="Decision to undo; the latest unless given.")
+    ] = None,
     *,
     reason: Reason = "undone",
     author: Author = "",

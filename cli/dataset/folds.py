@@ -25,7 +25,7 @@ def folds(
         Literal["object", "scene", "session"] | None,
         typer.Option("--by", help="Make the folds: what is never split between two."),
     ] = None,
-    count: Annotated[int, typer.Option("--count", "-k", help="How many folds.")] = 5,
+    count: Annotated[int, typer.Option("--count", "-k", max=1000, help="How many folds.")] = 5,
     seed: Seed = 0,
     replace: Annotated[bool, typer.Option("--replace", help="Make them anew under the same name.")] = False,
     author: Author = "",

@@ -9,7 +9,7 @@ import typer
 
 from handsight.cli.errors import CommandError
 from handsight.cli.opening import open_repository, open_version
-from handsight.cli.options import Dataset, Filter, Json, Where
+from handsight.cli.options import MOST_ATTEMPTS, Dataset, Filter, Json, Where
 from handsight.cli.output import Output, console, errors, print_json, print_table
 from handsight.datasets.errors import counted
 
@@ -87,7 +87,7 @@ def ls(
     columns: Annotated[
         str, typer.Option("--columns", metavar="A,B,C", help="Columns to show; any of those that --json prints.")
     ] = "",
-    limit: Annotated[int, typer.Option("--limit", "-n", help="Rows to show; 0 shows all.")] = 20,
+    limit: Annotated[int, typer.Option("--limit", "-n", max=MOST_ATTEMPTS, help="Rows to show; 0 shows all.")] = 20,
     ids: Annotated[bool, typer.Option("--ids", help="Print ids alone, to pass to another command.")] = False,
     as_json: Json = False,
 ) -> None:

@@ -13,8 +13,19 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from handsight.cli.dataset.author import author_named
+from handsight.cli.errors import CommandError
 from handsight.cli.opening import open_repository, open_version
-from handsight.cli.options import Author, Dataset, DatasetPath, DryRun, Json, NewBranch, Seed
+from handsight.cli.options import (
+    MOST_ATTEMPTS,
+    MOST_WORKERS,
+    Author,
+    Dataset,
+    DatasetPath,
+    DryRun,
+    Json,
+    NewBranch,
+    Seed,
+)
 from handsight.cli.output import console, print_json, print_table, progress_bar
 from handsight.datasets.errors import counted
 
@@ -33,7 +44,8 @@ IgnoreWriter = Annotated[
     list[str] | None,
     typer.Option("--ignore-writer", metavar="ID", help="A writer to a bucket that is gone; may be given again."),
 ]
-_AGE = re.compile(r"(\d+)([smhdw])")
+_AGE = re.compile(r"([0-9]+)([smhdw])")
+_EARLIEST = datetime(1970, 1, 1, tzinfo=UTC)
 _UNITS = {"s": "seconds", "m": "minutes", "h": "hours", "d": "days", "w": "weeks"}
 
 
@@ -41,7 +53,14 @@ def doctor_command(
     dataset: Dataset,
     deep: Annotated[bool, typer.Option("--deep", help="Look at every picture too.")] = False,
     resimulate: Annotated[
-        int, typer.Option("--resimulate", metavar="K", min=0, help="Simulate K attempts again and compare every bit.")
+        int,
+        typer.Option(
+            "--resimulate",
+            metavar="K",
+            min=0,
+            max=MOST_ATTEMPTS,
+            help="Simulate K attempts again and compare every bit.",
+        ),
     ] = 0,
     model: ServoModel = None,
     seed: Seed = 0,
@@ -77,7 +96,9 @@ def doctor_command(
 
 def verify_command(
     dataset: Dataset,
-    jobs: Annotated[int, typer.Option("--jobs", "-j", min=0, help="Processes; 0 takes one for each core.")] = 0,
+    jobs: Annotated[
+        int, typer.Option("--jobs", "-j", min=0, max=MOST_WORKERS, help="Processes; 0 takes one for each core.")
+    ] = 0,
     as_json: Json = False,
 ) -> None:
     """Read every stored byte and compare it with what was recorded; exit 1 when something is damaged."""
@@ -219,13 +240,29 @@ def _simulator(model: Path | None, *, wanted: bool) -> Iterator[ResimulateAttemp
 
 
 def _moment(text: str) -> datetime:
-    """An age such as ``7d``, or a date, as a time (UTC)."""
-    age = _AGE.fullmatch(text)
-    if age:
-        return datetime.now(UTC) - timedelta(**{_UNITS[age[2]]: int(age[1])})
+    """An age such as ``7d``, or a date, as a time in UTC; a date without a zone is taken as one of UTC.
+
+    Raises:
+        CommandError: It is neither, or lies before all datasets or in the future.
+    """
+    age, now = _AGE.fullmatch(text), datetime.now(UTC)
     try:
-        return datetime.fromisoformat(text).replace(tzinfo=UTC)
+        if age:
+            moment = now - timedelta(**{_UNITS[age[2]]: int(age[1])})
+        else:
+            written = datetime.fromisoformat(text)
+            moment = written.replace(tzinfo=UTC) if written.tzinfo is None else written.astimezone(UTC)
+    except OverflowError as error:
+        raise _no_moment(text, "lies before the year 1") from error
     except ValueError as error:
-        raise typer.BadParameter(
-            f"{text!r} is no age or date, expected such as 2h, 7d or 2026-01-31", param_hint="--older-than"
-        ) from error
+        raise _no_moment(text, "is no age or date") from error
+    if moment < _EARLIEST:
+        raise _no_moment(text, f"lies before {_EARLIEST:%Y}, when no dataset was there")
+    if moment > now:
+        raise _no_moment(text, "lies in the future, so that everything would be older")
+    return moment
+
+
+def _no_moment(text: str, fault: str) -> CommandError:
+    shown = text if len(text) <= 60 else f"{text[:57]}..."
+    return CommandError(f"--older-than is {shown!r}, which {fault}: expected such as 2h, 7d or 2026-01-31")

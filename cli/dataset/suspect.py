@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from handsight.cli.opening import open_version
-from handsight.cli.options import Dataset, Json, Seed
+from handsight.cli.options import LARGEST_SEED, MOST_ATTEMPTS, MOST_EPOCHS, Dataset, Json
 from handsight.cli.output import console, errors, print_json, print_table
 
 
@@ -17,13 +17,14 @@ def suspect(
     folds: Annotated[
         str, typer.Option("--folds", metavar="NAME", help="Stored folds to use; without it three are made, not stored.")
     ] = "",
-    epochs: Annotated[int, typer.Option(help="Passes over the data for each network.")] = 10,
-    count: Annotated[int, typer.Option("--count", "-n", min=1, help="How many to list.")] = 20,
+    epochs: Annotated[int, typer.Option(max=MOST_EPOCHS, help="Passes over the data for each network.")] = 10,
+    count: Annotated[int, typer.Option("--count", "-n", min=1, max=MOST_ATTEMPTS, help="How many to list.")] = 20,
     where: Annotated[
         str,
         typer.Option("--where", metavar="EXPRESSION", help="List only such attempts; the networks learn from all."),
     ] = "",
-    seed: Seed = 0,
+    # A negative one is refused together with whatever else is wrong.
+    seed: Annotated[int, typer.Option("--seed", max=LARGEST_SEED, help="Everything random follows from it.")] = 0,
     rrd: Annotated[
         Path | None, typer.Option("--rrd", metavar="FILE", help="Also write them as a recording, for 'rerun FILE'.")
     ] = None,

@@ -14,7 +14,9 @@ import pandas as pd
 from handsight.datasets.errors import ListingError, WhereError
 from handsight.datasets.format.saved_filters import read_filters
 from handsight.datasets.reading.reader import GraspDataset
-from handsight.datasets.reading.selection import check_where, columns_in, expressions, matches, nearest
+from handsight.datasets.reading.selection import check_where, expressions, matches
+from handsight.datasets.reading.where_kinds import nearest
+from handsight.datasets.reading.where_tree import columns_in
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,74 +1,24 @@
 """Which attempts are meant: by id, by a ``--where`` expression over the attempts table, or by a saved filter.
 
 An expression is written as for ``DataFrame.query``: ``target == "cup" and width_final_m < 0.004 and not excluded``.
-It may come from a script or another person, so it is checked before it is evaluated: columns, constants, comparisons,
-arithmetic and the few methods listed here, nothing that reaches Python itself.
+It may come from a script or another person, so it is checked before it is evaluated: columns, constants, comparisons of
+like with like, arithmetic and a few methods, nothing that reaches Python itself.
 """
 
 from __future__ import annotations
 
 import ast
-import difflib
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import pandas as pd
 
 from handsight.datasets.errors import AttemptNotFoundError, WhereError
+from handsight.datasets.reading.where_kinds import kinds_of, nearest, where_faults
+from handsight.datasets.reading.where_tree import shown, where_tree
+from handsight.datasets.reading.where_values import value_of
 
-METHODS = ("between", "contains", "endswith", "isin", "isna", "lower", "notna", "startswith", "str", "upper")
-"""What may follow a column and a dot, such as ``target.str.startswith("mug")``; ``abs()`` is the one function."""
-
-_FUNCTIONS = ("abs",)
-_LONGEST = 4096
-_EVALUATION_FAILURES = (
-    ArithmeticError,
-    AttributeError,
-    LookupError,
-    NameError,
-    NotImplementedError,
-    RecursionError,
-    SyntaxError,
-    TypeError,
-    ValueError,
-)
-"""What pandas raises for an expression that makes no sense for the values."""
-_NODES = (
-    ast.Expression,
-    ast.BoolOp,
-    ast.And,
-    ast.Or,
-    ast.UnaryOp,
-    ast.Not,
-    ast.Invert,
-    ast.USub,
-    ast.UAdd,
-    ast.BinOp,
-    ast.Add,
-    ast.Sub,
-    ast.Mult,
-    ast.Div,
-    ast.Mod,
-    ast.BitAnd,
-    ast.BitOr,
-    ast.BitXor,
-    ast.Compare,
-    ast.Eq,
-    ast.NotEq,
-    ast.Lt,
-    ast.LtE,
-    ast.Gt,
-    ast.GtE,
-    ast.In,
-    ast.NotIn,
-    ast.Name,
-    ast.Load,
-    ast.Constant,
-    ast.List,
-    ast.Tuple,
-    ast.Call,
-    ast.Attribute,
-)
+_FAILURES = (ArithmeticError, TypeError, ValueError)
+"""What the values can still refuse: a division of constants by zero, a number too large for its column."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -140,15 +90,18 @@ def matches(table: pd.DataFrame, where: str) -> pd.Series[bool]:
         WhereError: The expression is malformed, names an unknown column, reaches beyond the table or yields anything
             but truth values.
     """
-    check_where(table, where)
+    plain = _plain(table)
+    tree = _checked_tree(plain, where)
     try:
-        found = _plain(table).eval(where, engine="python", parser="pandas", local_dict={}, global_dict={})
-    except _EVALUATION_FAILURES as error:
-        raise WhereError(f"--where {where!r} cannot be evaluated: {error}; compare like with like") from error
+        found = value_of(tree, plain)
+    except _FAILURES as error:
+        raise WhereError(f"--where {shown(where)!r} cannot be evaluated: {error}; compare like with like") from error
     if isinstance(found, pd.Series) and found.dtype in (bool, "boolean"):
         return found.fillna(False).astype(bool)
     kind = found.dtype if isinstance(found, pd.Series) else type(found).__name__
-    raise WhereError(f"--where {where!r} yields {kind}, expected true or false for each attempt: add a comparison")
+    raise WhereError(
+        f"--where {shown(where)!r} yields {kind}, expected true or false for each attempt: add a comparison"
+    )
 
 
 def check_where(table: pd.DataFrame, where: str) -> None:
@@ -157,62 +110,21 @@ def check_where(table: pd.DataFrame, where: str) -> None:
     Raises:
         WhereError: As for :func:`matches`, except for what only shows on the values.
     """
-    if len(where) > _LONGEST:
-        raise WhereError(f"--where has {len(where)} characters, expected at most {_LONGEST}")
-    try:
-        tree = ast.parse(where.strip(), mode="eval")
-    except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
-        reason = error.msg if isinstance(error, SyntaxError) else str(error)
-        raise WhereError(f"--where {where!r} is no expression: {reason}") from error
-    columns = [str(table.index.name), *map(str, table.columns)]
-    faults = dict.fromkeys(fault for node in _nodes(tree) for fault in _faults(node, columns, where))
+    _checked_tree(_plain(table), where)
+
+
+def _checked_tree(plain: pd.DataFrame, where: str) -> ast.expr:
+    tree = where_tree(where)
+    faults = where_faults(tree, kinds_of(plain))
     if faults:
-        raise WhereError(f"--where {where!r} is refused: {'; '.join(faults)}")
-
-
-def columns_in(where: str) -> list[str]:
-    """The columns that an expression needs, each once; ``check_where`` has found it sound."""
-    tree = ast.parse(where.strip(), mode="eval")
-    return list(dict.fromkeys(node.id for node in _nodes(tree) if isinstance(node, ast.Name)))
-
-
-def _nodes(tree: ast.Expression) -> list[ast.AST]:
-    """All nodes but the names of functions that are called."""
-    called = [node.func for node in ast.walk(tree) if isinstance(node, ast.Call)]
-    return [node for node in ast.walk(tree) if not (isinstance(node, ast.Name) and node in called)]
-
-
-def _faults(node: ast.AST, columns: Sequence[str], where: str) -> list[str]:
-    if isinstance(node, ast.Call):
-        called = node.func
-        if isinstance(called, ast.Attribute) or (isinstance(called, ast.Name) and called.id in _FUNCTIONS):
-            return []
-        return [f"{ast.unparse(called)}() is no known function, expected abs() or a method of a column"]
-    if isinstance(node, ast.Attribute):
-        return [] if node.attr in METHODS else [f".{node.attr} is unknown, expected one of {', '.join(METHODS)}"]
-    if isinstance(node, ast.Name):
-        return [] if node.id in columns else [f"there is no column {node.id!r}{nearest(node.id, columns)}"]
-    if isinstance(node, ast.BinOp) and any(_is_text(side) for side in (node.left, node.right)):
-        return ["text cannot be calculated with"]
-    if not isinstance(node, _NODES):
-        text = ast.get_source_segment(where.strip(), node) if isinstance(node, ast.expr) else None
-        return [f"{text or type(node).__name__} is not allowed, expected comparisons of columns"]
-    return []
-
-
-def _is_text(node: ast.expr) -> bool:
-    return isinstance(node, ast.Constant) and isinstance(node.value, str | bytes)
-
-
-def nearest(name: str, known: Sequence[str] | dict[str, str]) -> str:
-    """The end of a message about an unknown name: names like it or, where there are none, all that are known."""
-    near = difflib.get_close_matches(name, known, n=3, cutoff=0.5)
-    return f", did you mean {' or '.join(near)}?" if near else f", expected one of {', '.join(known)}"
+        raise WhereError(f"--where {shown(where)!r} is refused: {'; '.join(faults)}")
+    return tree
 
 
 def _plain(table: pd.DataFrame) -> pd.DataFrame:
     """The table in types that expressions can compare: the objects of a scene as one text, UTC without saying so."""
     plain = table.copy(deep=False)
+    plain[str(table.index.name)] = table.index
     if "objects" in table:
         plain["objects"] = table["objects"].str.join(" ").astype("str")
     if "started" in table:

@@ -7,7 +7,7 @@ import uuid
 import icechunk
 import zarr
 
-from handsight.datasets.address import DEFAULT_REF, Location, S3Prefix, looks_like_dataset
+from handsight.datasets.address import DEFAULT_REF, Location, S3Prefix, looks_like_dataset, refuse_unreachable
 from handsight.datasets.errors import DatasetExistsError, NotADatasetError, SchemaError
 from handsight.datasets.format.provenance import utc_now
 from handsight.datasets.format.schema import SCHEMA_VERSION, SESSIONS
@@ -27,13 +27,17 @@ def refuse_occupied(path: Location) -> None:
 
     Raises:
         DatasetExistsError: There is a dataset already.
-        NotADatasetError: There is a file, or a folder with something else in it.
+        NotADatasetError: There is a file, a link that leads nowhere, or a folder with something else in it.
+        AddressError: A dataset of that name could not be opened.
     """
+    refuse_unreachable(path)
     if isinstance(path, S3Prefix) or path.is_dir():
         if is_icechunk_folder(path):
             raise DatasetExistsError(f"there is a dataset at {path} already: open it, or choose another path")
         if not isinstance(path, S3Prefix) and any(path.iterdir()):
             raise NotADatasetError(f"{path} is a folder with other files in it: choose a new or an empty folder")
+    elif path.is_symlink() and not path.exists():
+        raise NotADatasetError(f"{path} is a link to {path.readlink()}, where nothing is: mend the link, or remove it")
     elif path.exists():
         raise NotADatasetError(f"{path} is a file, expected a new or an empty folder")
 

@@ -2,10 +2,19 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
+from tests.support.typed_values import address_text
 
-from handsight.datasets import AddressError, DatasetAddress, DatasetError, GraspRepository
-from handsight.datasets.address import S3Prefix, check_dataset_folder
+from handsight.datasets import (
+    AddressError,
+    DatasetAddress,
+    DatasetError,
+    DatasetNotFoundError,
+    GraspRepository,
+    NotADatasetError,
+)
+from handsight.datasets.address import S3Prefix, cache_folder, check_dataset_folder
 
 
 @pytest.mark.parametrize(
@@ -59,3 +68,79 @@ def test_what_cannot_be_a_dataset_is_refused_as_opening_refuses_it(tmp_path: Pat
         assert str(cheap.value) == str(opening.value)
     check_dataset_folder(GraspRepository.create(tmp_path / "grasps").folder)
     check_dataset_folder(S3Prefix(bucket="lab", prefix="grasps"))  # nobody is asked
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("s3://b/g", "a bucket's name has 3 to 63 characters, and 'b' has 1"),
+        (f"s3://{'b' * 64}/g", "has 3 to 63 characters"),
+        ("s3://Bucket/g", "holds lower-case letters, digits, '-' and '.' alone, unlike 'Bucket'"),
+        ("s3://my_lab/g", "holds lower-case letters, digits, '-' and '.' alone"),
+        ("s3://-lab/g", "begins and ends with a letter or digit"),
+        ("s3://a..b/g", "holds no two dots in a row"),
+        ("s3:///g", "the bucket is missing"),
+        ("s3:/", "the bucket is missing"),
+        ("s3://bucket", "the prefix behind the bucket is missing"),
+        ("s3://bucket/a/../b", "holds the part '..'"),
+        ("s3:/B/", "lower-case letters"),
+        ("S3://b/g", "has 3 to 63 characters"),
+        ("gs://lab/grasps", "gs:// is not known"),
+        ("https://lab/grasps", "https:// is not known"),
+    ],
+)
+def test_the_rule_that_an_address_breaks_is_named(text: str, said: str) -> None:
+    with pytest.raises(AddressError) as refused:
+        DatasetAddress.parse(text)
+    assert said in str(refused.value)
+
+
+def test_the_home_folder_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert DatasetAddress.parse("~/grasps@v1") == DatasetAddress(path=tmp_path / "grasps", ref="v1")
+    assert GraspRepository.create("~/grasps").folder == tmp_path / "grasps"
+    assert DatasetAddress.parse("./~/grasps").path == Path("./~/grasps")
+    with pytest.raises(AddressError, match="no such home folder: write the path in full"):
+        DatasetAddress.parse("~nobody-of-that-name/grasps")
+
+
+def test_without_a_home_folder_caches_need_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    def homeless(self: Path) -> Path:
+        raise RuntimeError("Could not determine home directory.")
+
+    monkeypatch.delenv("HANDSIGHT_CACHE", raising=False)
+    monkeypatch.setattr(Path, "expanduser", homeless)
+    with pytest.raises(AddressError, match="set HANDSIGHT_CACHE"):
+        cache_folder()
+
+
+@pytest.mark.parametrize("name", ["lab@home", "grasps@v1", "@"])
+def test_a_name_that_could_not_be_opened_is_not_made(tmp_path: Path, name: str) -> None:
+    for make in (GraspRepository.create, GraspRepository.open_or_create):
+        with pytest.raises(AddressError, match="what follows '@' names a version"):
+            make(tmp_path / name)
+    with pytest.raises(AddressError, match="what follows '@' names a version"):
+        GraspRepository.create(S3Prefix(bucket="lab", prefix=f"week/{name}"))
+    assert list(tmp_path.iterdir()) == []
+    assert GraspRepository.create(tmp_path / "lab@home" / "grasps").path == tmp_path / "lab@home" / "grasps"
+
+
+def test_a_link_that_leads_nowhere_is_called_one(tmp_path: Path) -> None:
+    link = tmp_path / "grasps"
+    link.symlink_to(tmp_path / "unplugged")
+    with pytest.raises(DatasetNotFoundError, match=r"is a link to .*unplugged, where nothing is"):
+        check_dataset_folder(link)
+    with pytest.raises(NotADatasetError, match=r"is a link to .*unplugged, where nothing is"):
+        GraspRepository.create(link)
+    assert link.is_symlink()
+
+
+def test_whatever_is_typed_is_an_address_or_refused() -> None:
+    rng = np.random.default_rng(0)
+    refused = 0
+    for _ in range(200):
+        try:
+            DatasetAddress.parse(address_text(rng))
+        except AddressError:
+            refused += 1
+    assert 0 < refused < 200

@@ -13,6 +13,8 @@ import rerun.blueprint as rrb
 from handsight.datasets.atomic import atomic_file
 from handsight.viz.errors import RecordingError
 
+_SWITCH = "RERUN"
+
 
 def check_recording_path(path: Path) -> None:
     """Refuse a place where no recording can be written, before long work is done for it.
@@ -43,7 +45,8 @@ def write_recording(path: Path, *, kind: str, name: str, blueprint: rrb.Blueprin
     """
     check_recording_path(path)
     with atomic_file(path) as unfinished:
-        recording = rr.RecordingStream(kind, recording_id=name, send_properties=False)
+        with _switched_on():
+            recording = rr.RecordingStream(kind, recording_id=name, send_properties=False)
         try:
             recording.set_log_time_enabled(False)
             recording.set_log_tick_enabled(False)
@@ -52,6 +55,23 @@ def write_recording(path: Path, *, kind: str, name: str, blueprint: rrb.Blueprin
             yield recording
         finally:
             recording.disconnect()
+
+
+@contextmanager
+def _switched_on() -> Iterator[None]:
+    """Streams that are opened now write, although ``RERUN=0`` in the environment says that logging is off.
+
+    Whoever asks for a file wants one; a stream that is off would leave none, and not say so.
+    """
+    before = os.environ.get(_SWITCH)
+    os.environ[_SWITCH] = "on"
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ[_SWITCH]
+        else:
+            os.environ[_SWITCH] = before
 
 
 def paused_layout(content: rrb.Container, *, timeline: str, fps: float) -> rrb.Blueprint:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from pathlib import Path
 
 from handsight.collection.errors import ObjectSetError
+from handsight.datasets.address import cache_folder
 from handsight.datasets.atomic import atomic_folder
 
 CACHE_VARIABLE = "HANDSIGHT_CACHE"
@@ -14,8 +14,7 @@ CACHE_VARIABLE = "HANDSIGHT_CACHE"
 
 def cache_root() -> Path:
     """The folder of object sets: ``$HANDSIGHT_CACHE/objects``, by default ``~/.cache/handsight/objects``."""
-    chosen = os.environ.get(CACHE_VARIABLE)
-    return (Path(chosen) if chosen else Path.home() / ".cache" / "handsight") / "objects"
+    return cache_folder() / "objects"
 
 
 def publish(target: Path, fill: Callable[[Path], None]) -> bool:

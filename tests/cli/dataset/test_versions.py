@@ -12,6 +12,7 @@ from tests.support.small_station import small_header
 from typer.testing import CliRunner
 
 from handsight.cli.dataset.app import dataset_app
+from handsight.cli.errors import CommandError
 from handsight.datasets import (
     PHASES,
     AttemptNotFoundError,
@@ -129,7 +130,12 @@ def test_bad_input_changes_nothing(path: Path) -> None:
         with pytest.raises(error):
             invoke(*words)
     invoke("exclude", path, "--where", "success", code=2)
-    invoke("gc", path, "--older-than", "yesterday", code=2)
+    for age in ("yesterday", "99999999999999w", "999999999d", "9" * 4400 + "d", "0001-01-01", "9999-12-31", "7y", ""):
+        for verb in ("gc", "expire"):
+            with pytest.raises(CommandError, match="expected such as 2h, 7d or 2026-01-31"):
+                invoke(verb, path, "--older-than", age)
+    for verb in ("doctor", "folds"):
+        invoke(verb, path, "--seed", "-1", code=2)
     invoke("filter", path, "name", code=2)
     assert GraspDataset.open(str(path)).snapshot_id == tip
 

@@ -115,7 +115,7 @@ def test_every_fault_is_told_at_once(dataset: GraspDataset) -> None:
     assert text.count("expected one of attempt") == 1
 
 
-@pytest.mark.parametrize("where", ["number", "target", "True", "number > 'a'"])
+@pytest.mark.parametrize("where", ["number", "target", "True"])
 def test_what_is_no_truth_value_is_refused(dataset: GraspDataset, where: str) -> None:
-    with pytest.raises(WhereError, match=r"expected true or false|cannot be evaluated"):
+    with pytest.raises(WhereError, match="expected true or false"):
         list_attempts(dataset, Listing(where=where))

@@ -5,11 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.support.factories import make_attempt, make_header, record
+from tests.support.typed_values import where_text
 
 from handsight.datasets import AttemptNotFoundError, GraspDataset, GraspRepository, WhereError
 from handsight.datasets.reading.selection import Selection, matches, select
@@ -63,8 +65,9 @@ def _without_none(row: pd.Series[Any]) -> dict[str, object]:
         ("foo == 1 and taget == 'cup'", r"no column 'foo'.*; there is no column 'taget', did you mean target"),
         ("number", "yields int64, expected true or false"),
         ("True", "yields bool, expected true or false"),
-        ("number > 'a'", "cannot be evaluated"),
-        ("target.str.contains('(')", "cannot be evaluated"),
+        ("number > 'a'", "number holds numbers and 'a' is text, expected number > 0.01"),
+        ("target.str.contains('(')", "no pattern that can be looked for"),
+        ("number > 1 / 0", "cannot be evaluated: division by zero"),
         ("number ==", "is no expression: invalid syntax"),
         ("", "is no expression"),
         ("@pd", "is no expression"),
@@ -112,6 +115,20 @@ def test_any_text_either_selects_or_is_refused(table: pd.DataFrame, where: str) 
         return
     assert found.dtype == bool
     assert found.index.equals(table.index)
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_whatever_is_typed_either_selects_or_is_refused(table: pd.DataFrame, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    found, said = 0, []
+    for _ in range(200):
+        where = where_text(rng)
+        try:
+            found += len(matches(table, where))
+        except WhereError as error:
+            said.append(str(error))
+    assert found > 0
+    assert [one for one in said if len(one.splitlines()) != 1] == []
 
 
 def test_ids_come_back_once_in_the_order_of_the_table(table: pd.DataFrame) -> None:

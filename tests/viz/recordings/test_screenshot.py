@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import select
 import sys
+import time
 from pathlib import Path
 from subprocess import PIPE, Popen
 from typing import Any
@@ -18,7 +19,7 @@ from handsight.evaluation.trial import TrialRecording
 from handsight.viz.errors import NoVulkanError, ScreenshotError
 from handsight.viz.examples import HeatmapExample
 from handsight.viz.recordings.heatmaps import write_heatmaps
-from handsight.viz.recordings.screenshot import save_screenshots
+from handsight.viz.recordings.screenshot import patiently, save_screenshots
 
 
 def shoot(recording: Path, shots: dict[int, Path], timeline: str) -> list[NDArray[Any]]:
@@ -92,3 +93,28 @@ def test_the_viewer_ends_with_a_killed_command() -> None:
         gone.register(os.pidfd_open(int(viewer)), select.POLLIN)
         command.kill()
     assert gone.poll(60_000), "the viewer goes on without its command"
+
+
+def test_a_client_that_gives_up_is_asked_again() -> None:
+    answers: list[TimeoutError | bytes] = [TimeoutError("busy"), TimeoutError("busy"), b"png"]
+
+    def ask() -> bytes:
+        answer = answers.pop(0)
+        if isinstance(answer, TimeoutError):
+            raise answer
+        return answer
+
+    assert patiently(ask, time.monotonic() + 60, "show a picture") == b"png"
+    assert answers == []
+
+
+def test_the_limit_ends_in_an_error_of_this_room() -> None:
+    asked = []
+
+    def ask() -> None:
+        asked.append(1)
+        raise TimeoutError("busy")
+
+    with pytest.raises(ScreenshotError, match="did not show a picture within"):
+        patiently(ask, time.monotonic() + 0.05, "show a picture")
+    assert asked
