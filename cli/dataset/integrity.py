@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 import re
 from collections.abc import Iterator, Sequence
@@ -110,6 +111,7 @@ def verify_command(
                 "corrupt": report.corrupt,
                 "faults": report.faults,
                 "damage": report.damage,
+                "lost": report.lost,
                 "bytes": report.bytes,
             }
         )
@@ -132,15 +134,24 @@ def repair_command(
     """Replace damaged attempts on a new branch: simulated again, or else set aside."""
     opened = open_version(dataset)
     from handsight.datasets.integrity.repair import repair  # a second; see above
+    from handsight.datasets.store.agreement import restore_releases
 
+    restored = restore_releases(opened.repository)
+    if restored and not as_json:
+        console.print(f"gave {', '.join(restored)} back what was released under the name")
     report = _verified(opened, 0)
-    if report.ok:
+    if not report.faults and not report.damage:
+        if as_json:
+            print_json({"branch": None, "restored": restored, "lost_refs": report.lost})
+            return
+        for lost in report.lost:
+            console.print(lost, markup=False)
         console.print(f"nothing is damaged in {counted(report.checked, 'attempt')}: no branch was made")
         return
     with _simulator(model, wanted=resimulate) as simulate:
         done = repair(opened, report, branch=branch, author=author_named(author), resimulate=simulate)
     if as_json:
-        print_json(done)
+        print_json({**dataclasses.asdict(done), "restored": restored, "lost_refs": report.lost})
         return
     simulated = counted(len(done.simulated), "attempt")
     console.print(
@@ -222,7 +233,9 @@ def _print_verified(report: VerifyReport) -> None:
         console.print(f"[bold]{attempt}[/] {fault}")
     for damage in report.damage:
         console.print(damage)
-    verdict = "as recorded" if report.ok else f"{len(report.corrupt)} of them corrupt"
+    for lost in report.lost:
+        console.print(lost, markup=False)
+    verdict = "as recorded" if not report.faults and not report.damage else f"{len(report.corrupt)} of them corrupt"
     console.print(f"{counted(report.checked, 'attempt')}, {report.bytes / 1e6:.1f} MB read: {verdict}")
 
 

@@ -13,6 +13,7 @@ from pathlib import Path
 
 from handsight.datasets.address import S3Prefix
 from handsight.datasets.errors import UnknownNameError
+from handsight.datasets.store.agreement import refuse_lost_refs
 from handsight.datasets.store.icechunk_engine import icechunk_errors, sync_file_system
 from handsight.datasets.store.leftovers import clear_surroundings
 from handsight.datasets.store.repository import GraspRepository, LogEntry
@@ -76,11 +77,13 @@ def collect_garbage(
         ignored_writers: Ids of writers to a bucket that are registered from other machines, and known to be gone.
 
     Raises:
+        CorruptDataError: A release or a branch is lost (agreement.py).
         UnknownNameError: No writer to be ignored has one of the ids.
         StorageError: The disk is not writable.
         DatasetBusyError: Another process held the commit lock for too long.
     """
     with repository.locked():
+        refuse_lost_refs(repository, "collecting garbage")
         writers = _at_work(repository, ignored_writers, dry_run=dry_run)
         committed = _last_commits(repository, writers)
         kept_from = {one.id: max(one.begun, committed.get(one.session or "", one.begun)) for one in writers}
@@ -124,6 +127,7 @@ def expire(
         DatasetBusyError: Another process held the commit lock for too long.
     """
     with repository.locked():
+        refuse_lost_refs(repository, "expiring commits")
         writers = _at_work(repository, ignored_writers, dry_run=dry_run)
         branches = set(repository.branches().values())
         named = {*branches, *(one.snapshot_id for one in repository.releases().values())}

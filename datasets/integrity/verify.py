@@ -25,6 +25,7 @@ from handsight.datasets.format.schema import COLUMNS, SESSIONS, ColumnWidths
 from handsight.datasets.format.sessions import attribute_damage
 from handsight.datasets.integrity.attempt_checks import AttemptChecker, AttemptRange, Checked
 from handsight.datasets.reading.reader import GraspDataset
+from handsight.datasets.store.agreement import lost_refs
 from handsight.datasets.store.repository import GraspRepository
 from handsight.jobs.processes import process_pool
 
@@ -47,6 +48,8 @@ class VerifyReport:
     """Why an attempt is corrupt, by its id."""
     damage: tuple[str, ...]
     """Damage to what belongs to no single attempt: session headers, curation, folds, filters."""
+    lost: tuple[str, ...]
+    """Releases and branches that are not what the ledger says, and what to do."""
 
     @property
     def corrupt(self) -> tuple[str, ...]:
@@ -56,7 +59,7 @@ class VerifyReport:
     @property
     def ok(self) -> bool:
         """Whether every byte is as it was recorded."""
-        return not self.faults and not self.damage
+        return not self.faults and not self.damage and not self.lost
 
 
 def verify(dataset: GraspDataset, *, jobs: int = 1, on_checked: Callable[[int], None] | None = None) -> VerifyReport:
@@ -88,7 +91,11 @@ def verify(dataset: GraspDataset, *, jobs: int = 1, on_checked: Callable[[int], 
             on_checked(checked)
     total = Checked.merged(parts)
     return VerifyReport(
-        checked=total.attempts, bytes=total.bytes, faults=total.faults, damage=tuple(_damage_beside(root))
+        checked=total.attempts,
+        bytes=total.bytes,
+        faults=total.faults,
+        damage=tuple(_damage_beside(root)),
+        lost=tuple(one.fault for one in lost_refs(dataset.repository)),
     )
 
 

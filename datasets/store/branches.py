@@ -9,7 +9,7 @@ from handsight.datasets.address import DEFAULT_REF
 from handsight.datasets.errors import RefNameError, RefNotFoundError
 from handsight.datasets.store.icechunk_engine import icechunk_errors, sync_file_system
 from handsight.datasets.store.refs import create_ref
-from handsight.datasets.store.releases import check_ref_name
+from handsight.datasets.store.releases import check_ref_name, enter_branch
 from handsight.datasets.store.repository import GraspRepository
 
 
@@ -27,6 +27,7 @@ def create_branch(repository: GraspRepository, name: str, ref: str = DEFAULT_REF
         snapshot_id = repository.resolve(ref)
         with icechunk_errors(f"cannot create branch {name!r} of {repository.path}"):
             create_ref(repository.icechunk_repository, repository.path, "branch", name, snapshot_id)
+        repository.change_ledger(f"branch {name}", lambda root: enter_branch(root, name, snapshot_id))
     return snapshot_id
 
 
@@ -63,6 +64,7 @@ def delete_branch(repository: GraspRepository, name: str, *, force: bool = False
                 f"branch {name!r} of {repository.path} holds commits that no other branch or release leads to: "
                 f"release it first, or delete it by force"
             )
+        repository.change_ledger(f"delete branch {name}", lambda root: enter_branch(root, name, None))
         with icechunk_errors(f"cannot delete branch {name!r} of {repository.path}"):
             repository.icechunk_repository.delete_branch(name)
         sync_file_system(repository.path)

@@ -38,6 +38,24 @@ def move_branch(path: Path, name: str, snapshot_id: str) -> None:
         _write(unfinished, snapshot_id)
 
 
+def restore_tag(path: Path, name: str, snapshot_id: str) -> None:
+    """Let a tag of a local dataset, lost or damaged, point again to the snapshot that was released under its name.
+
+    Raises:
+        StorageError: The disk is full or not writable.
+    """
+    folder = path / "refs" / f"tag.{name}"
+    with _disk_errors(folder):
+        folder.mkdir(exist_ok=True)
+        with atomic_file(folder / _FILE, durable=True) as unfinished:
+            _write(unfinished, snapshot_id)
+
+
+def is_deleted_tag(path: Path, name: str) -> bool:
+    """Whether a tag of a local dataset was deleted on purpose, of which Icechunk keeps a tombstone."""
+    return (path / "refs" / f"tag.{name}" / _TOMBSTONE).exists()
+
+
 def create_ref(repository: icechunk.Repository, path: Location, kind: Kind, name: str, snapshot_id: str) -> None:
     """Make a branch or a tag that does not exist yet; durable when this returns.
 
@@ -59,7 +77,7 @@ def create_ref(repository: icechunk.Repository, path: Location, kind: Kind, name
                 raise RefNameError(f"somebody has just released {name!r} of {path}: choose another name") from error
             raise deleted from error
         return
-    if kind == "tag" and (path / "refs" / f"tag.{name}" / _TOMBSTONE).exists():
+    if kind == "tag" and is_deleted_tag(path, name):
         raise deleted
     folder = path / "refs" / f"{kind}.{name}"
     # Icechunk takes a folder without file for a ref and fails, so the folder is renamed into place whole, and it is not

@@ -2,6 +2,8 @@
 
 The name is an Icechunk tag on the very snapshot that was released. Tags carry no text, so message and time go into
 a ledger, a branch of its own that nobody commits data to; it travels with the dataset and changes no version of it.
+The ledger also knows which snapshot a release names and which branches there are, so that a name that the disk has
+lost is missed (agreement.py).
 """
 
 from __future__ import annotations
@@ -24,6 +26,7 @@ WRITER_PREFIX = "handsight.writer."
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
 _SNAPSHOT_ID = re.compile(r"[0-9A-HJKMNP-TV-Z]{20}")
 _LEDGER_KEY = "releases"
+_BRANCHES_KEY = "branches"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,19 +84,44 @@ def read_ledger(root: zarr.Group, tags: dict[str, str]) -> dict[str, Release]:
     return {name: _release(name, tags[name], entries.get(name)) for name in sorted(tags)}
 
 
-def add_to_ledger(root: zarr.Group, release: Release) -> None:
-    """Write a release into the ledger; it shows once its tag exists."""
+def add_to_ledger(root: zarr.Group, release: Release, *, pending: bool) -> None:
+    """Write a release into the ledger; it shows once its tag exists.
+
+    Args:
+        root: The ledger's root group.
+        release: What was released, or is about to be.
+        pending: Whether the tag may not exist yet. Without it nobody will take a missing tag for an unfinished release.
+    """
     when = None if release.released_at is None else release.released_at.isoformat()
-    entry = {"message": release.message, "released_at": when}
+    entry: dict[str, Any] = {"message": release.message, "released_at": when, "snapshot": release.snapshot_id}
+    if pending:
+        entry["pending"] = True
     root.update_attributes({_LEDGER_KEY: {**_entries(root), release.name: entry}})
 
 
-def _entries(root: zarr.Group) -> dict[str, dict[str, str]]:
+def confirmed_releases(root: zarr.Group) -> dict[str, str | None]:
+    """Snapshot id of every release whose tag has been made, by name; None where an older handsight left it out."""
+    return {name: entry.get("snapshot") for name, entry in sorted(_entries(root).items()) if not entry.get("pending")}
+
+
+def known_branches(root: zarr.Group) -> dict[str, str]:
+    """The snapshot where each branch began, by name; of branches that an older handsight made nothing is known."""
+    attributes: dict[str, Any] = root.attrs.asdict()
+    return dict(attributes.get(_BRANCHES_KEY, {}))
+
+
+def enter_branch(root: zarr.Group, name: str, snapshot_id: str | None) -> None:
+    """Write into the ledger that a branch exists and where it began or, with None, that it is to be no more."""
+    others = {one: began for one, began in known_branches(root).items() if one != name}
+    root.update_attributes({_BRANCHES_KEY: others if snapshot_id is None else {**others, name: snapshot_id}})
+
+
+def _entries(root: zarr.Group) -> dict[str, dict[str, Any]]:
     attributes: dict[str, Any] = root.attrs.asdict()
     return dict(attributes.get(_LEDGER_KEY, {}))
 
 
-def _release(name: str, snapshot_id: str, entry: dict[str, str] | None) -> Release:
+def _release(name: str, snapshot_id: str, entry: dict[str, Any] | None) -> Release:
     if entry is None:
         return Release(name=name, snapshot_id=snapshot_id, message="", released_at=None)
     return Release(

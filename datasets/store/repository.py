@@ -184,7 +184,7 @@ class GraspRepository:
     def releases(self) -> dict[str, Release]:
         """Releases by name, sorted."""
         tags = self._tags()
-        return read_ledger(self.root(self._icechunk.lookup_branch(LEDGER_BRANCH)), tags) if tags else {}
+        return read_ledger(self.ledger(), tags) if tags else {}
 
     def resolve(self, ref: str) -> str:
         """The snapshot id that a release, a branch or a snapshot id names, looked up in this order.
@@ -221,17 +221,22 @@ class GraspRepository:
             if self.is_taken(name):
                 raise RefNameError(f"{name!r} is taken in {self.path}: releases are immutable, choose another name")
             release = Release(name=name, snapshot_id=self.resolve(ref), message=message, released_at=datetime.now(UTC))
-            self._record(release)
+            self.change_ledger(f"release {name}", lambda root: add_to_ledger(root, release, pending=True))
             create_ref(self._icechunk, self.path, "tag", name, release.snapshot_id)
+            self.change_ledger(f"released {name}", lambda root: add_to_ledger(root, release, pending=False))
         return release
 
-    def _record(self, release: Release) -> None:
-        """Add a release to the ledger, after others that reach a bucket at the same time."""
+    def ledger(self) -> zarr.Group:
+        """The root of the ledger, read-only (releases.py)."""
+        return self.root(self.tip(LEDGER_BRANCH))
+
+    def change_ledger(self, message: str, change: Callable[[zarr.Group], None]) -> None:
+        """Commit a change to the ledger, after others that reach a bucket at the same time."""
         while True:
             transaction = self.writable(LEDGER_BRANCH)
-            add_to_ledger(zarr.open_group(transaction.store, mode="r+"), release)
+            change(zarr.open_group(transaction.store, mode="r+"))
             try:
-                self.commit(transaction, branch=LEDGER_BRANCH, message=f"release {release.name}")
+                self.commit(transaction, branch=LEDGER_BRANCH, message=message)
             except SessionConflictError:
                 continue  # Lost the race to another release: retry behind it.
             return

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from handsight.datasets.errors import InterchangeError, headline
 from handsight.datasets.exchange.mapped.episodes import MOST_FRAMES
-from handsight.datasets.format.validation import LARGEST_SIDE_PX
+from handsight.datasets.format.quantities import PICTURE_SIDE
 
 _DEMOS = "data"
 _NAMES_SHOWN = 12
@@ -79,8 +79,12 @@ class Hdf5Set:
     def picture(self, episode: int, column: str, frame: int) -> NDArray[Any]:
         """One picture of a demo."""
         node = self._node(episode, column)
-        if not isinstance(node, h5py.Dataset) or node.ndim not in (3, 4) or max(node.shape[1:3]) > LARGEST_SIDE_PX:
-            raise InterchangeError(f"{column} holds no pictures of at most {LARGEST_SIDE_PX} pixels a side")
+        if (
+            not isinstance(node, h5py.Dataset)
+            or node.ndim not in (3, 4)
+            or any(map(PICTURE_SIDE.impossible, node.shape[1:3]))
+        ):
+            raise InterchangeError(f"{column} holds no pictures of at most {PICTURE_SIDE.possible[1]:g} pixels a side")
         if frame >= len(node):
             raise InterchangeError(f"{column} has {len(node)} frames, and frame {frame} is asked for")
         with _reading(node.name):

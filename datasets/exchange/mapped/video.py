@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handsight.datasets.errors import InterchangeError
-from handsight.datasets.format.validation import LARGEST_SIDE_PX
+from handsight.datasets.format.quantities import PICTURE_SIDE
 
 _QUIET = "-8"
 """FFmpeg's level for no messages: what is wrong with a video is in the error that is raised."""
@@ -63,7 +63,7 @@ class VideoFrames:
         finally:
             cv2.utils.logging.setLogLevel(level)
         sides = [capture.get(side) for side in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT)]
-        if not capture.isOpened() or not all(1 <= side <= LARGEST_SIDE_PX for side in sides):
+        if not capture.isOpened() or any(PICTURE_SIDE.impossible(side) for side in sides):
             capture.release()
             raise InterchangeError(
                 f"the video {path} (codec {codec}) cannot be decoded: encode it as H.264, or store its pictures as "

@@ -11,11 +11,12 @@ from handsight.datasets.format.schema import SESSIONS
 from handsight.datasets.format.sessions import attribute_damage
 from handsight.datasets.integrity.doctor.findings import Finding, attempt_finding, dataset_finding
 from handsight.datasets.reading.reader import GraspDataset
+from handsight.datasets.store.agreement import lost_refs
 from handsight.datasets.writing.batches import session_arrays
 
 
 def structure_findings(dataset: GraspDataset) -> Iterator[Finding]:
-    """Sessions, lengths, ids, curation."""
+    """Sessions, lengths, ids, curation, names of versions."""
     root = dataset.root
     for session in dataset.sessions:
         group = group_at(root, f"{SESSIONS}/{session.ulid}")
@@ -27,6 +28,8 @@ def structure_findings(dataset: GraspDataset) -> Iterator[Finding]:
         for fault in attribute_damage(group.attrs.asdict()):
             yield dataset_finding("GD-107", "error", f"session {session.ulid}: {fault}")
     yield from _id_findings(dataset)
+    for lost in lost_refs(dataset.repository):
+        yield dataset_finding("GD-108", "error", lost.fault)
 
 
 def _length_findings(ulid: str, group: zarr.Group) -> Iterator[Finding]:

@@ -1,0 +1,126 @@
+"""Whether the names of versions are those that were given: the ledger against what Icechunk finds.
+
+A release is a small file. When it is lost, Icechunk knows nothing of it any more, and the next garbage collection takes
+what only it led to. The ledger, a branch with history and checksums of its own, still knows the name and the snapshot.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import icechunk
+
+from handsight.datasets.address import S3Prefix
+from handsight.datasets.errors import CorruptDataError, headline
+from handsight.datasets.store.icechunk_engine import icechunk_errors
+from handsight.datasets.store.refs import is_deleted_tag, restore_tag
+from handsight.datasets.store.releases import confirmed_releases, known_branches
+from handsight.datasets.store.repository import GraspRepository
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LostRef:
+    """A release or a branch that is not what the ledger says."""
+
+    kind: str
+    """``release`` or ``branch``."""
+    name: str
+    snapshot_id: str | None
+    """What was released, or where the branch began; None where the ledger does not know."""
+    fault: str
+    """What is wrong, and what to do."""
+
+
+def lost_refs(repository: GraspRepository) -> list[LostRef]:
+    """Releases and branches that the ledger knows and that are gone, damaged, or lead elsewhere.
+
+    Raises:
+        CorruptDataError, StorageError: The ledger itself cannot be read.
+    """
+    return [*_lost_releases(repository), *_lost_branches(repository)]
+
+
+def refuse_lost_refs(repository: GraspRepository, action: str) -> None:
+    """Refuse to delete anything while a name is lost, because what it led to would go with it.
+
+    Raises:
+        CorruptDataError: Names are lost; the message lists them.
+    """
+    lost = lost_refs(repository)
+    if lost:
+        raise CorruptDataError(f"{action} is refused: {'; '.join(one.fault for one in lost)}")
+
+
+def restore_releases(repository: GraspRepository) -> tuple[str, ...]:
+    """Give the releases of a local dataset that are lost their snapshots again, and return their names.
+
+    Raises:
+        CorruptDataError, StorageError: The ledger cannot be read, or the disk not be written.
+    """
+    path = repository.path
+    if isinstance(path, S3Prefix):
+        return ()
+    restored = []
+    with repository.locked():
+        for one in _lost_releases(repository):
+            if one.snapshot_id is not None and _is_there(repository, one.snapshot_id):
+                restore_tag(path, one.name, one.snapshot_id)
+                restored.append(one.name)
+    return tuple(restored)
+
+
+def _lost_releases(repository: GraspRepository) -> Iterator[LostRef]:
+    path = repository.path
+    engine = repository.icechunk_repository
+    with icechunk_errors(f"cannot list the releases of {path}"):
+        tags = engine.list_tags()
+    released = confirmed_releases(repository.ledger())
+    for name in sorted({*tags, *released}):
+        expected = released.get(name)
+        if name in released and not isinstance(path, S3Prefix) and is_deleted_tag(path, name):
+            continue
+        try:
+            found = engine.lookup_tag(name)
+        except icechunk.IcechunkError as error:
+            wrong = f"cannot be read ({headline(error)})" if name in tags else "is gone"
+        else:
+            if found == (expected or found) and _is_there(repository, found):
+                continue
+            wrong = f"leads to {found}" + ("" if expected is None else f", and {expected} was released")
+        remedy = (
+            "put refs/tag.NAME back from a copy"
+            if expected is None or not _is_there(repository, expected)
+            else f"it was {expected}, which 'handsight dataset repair' gives it again"
+        )
+        fault = f"release {name!r} of {path} {wrong}: {remedy}"
+        yield LostRef(kind="release", name=name, snapshot_id=expected, fault=fault)
+
+
+def _lost_branches(repository: GraspRepository) -> Iterator[LostRef]:
+    path = repository.path
+    engine = repository.icechunk_repository
+    with icechunk_errors(f"cannot list the branches of {path}"):
+        present = engine.list_branches()
+    known = known_branches(repository.ledger())
+    for name in sorted({*present, *known}):
+        try:
+            found = engine.lookup_branch(name)
+        except icechunk.IcechunkError as error:
+            wrong = f"cannot be read ({headline(error)})" if name in present else "is gone"
+        else:
+            if _is_there(repository, found):
+                continue
+            wrong = f"leads to {found}, which is not there"
+        began = known.get(name)
+        remedy = f"put refs/branch.{name} back from a copy" + ("" if began is None else f"; it began at {began}")
+        fault = f"branch {name!r} of {path} {wrong}: {remedy}"
+        yield LostRef(kind="branch", name=name, snapshot_id=began, fault=fault)
+
+
+def _is_there(repository: GraspRepository, snapshot_id: str) -> bool:
+    try:
+        repository.icechunk_repository.lookup_snapshot(snapshot_id)
+    except icechunk.IcechunkError:
+        return False
+    return True
