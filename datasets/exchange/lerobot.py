@@ -40,9 +40,12 @@ from handsight.datasets.exchange.bundle import (
     decisions_from_json,
     decisions_to_json,
     origin_of,
+    refuse_incomplete,
     refuse_linked,
     schema_of_origin,
 )
+from handsight.datasets.exchange.lerobot_edits import edits_of
+from handsight.datasets.exchange.parquet_rows import RowReader
 from handsight.datasets.exchange.sources import SessionSource, checked_source, stored_sources
 from handsight.datasets.format.arrays import array_at, group_at, read_rows
 from handsight.datasets.format.rows import frame_of, from_row
@@ -106,15 +109,17 @@ def open_bundle(path: Path) -> Iterator[Bundle]:
         schema = schema_of_origin(origin, path)
         ulids = sorted(file.stem for file in (path / _SIDE).glob("*.npz"))
         sessions = [_source(path, ulid, schema) for ulid in ulids]
+        refuse_incomplete(origin, sessions, path)
         decisions = decisions_from_json(origin["decisions"], path)
-    except InterchangeError:
+        edits = edits_of(path, sessions)
+    except (InterchangeError, CorruptDataError):
         raise
     except (OSError, KeyError, ValueError, TypeError, AttributeError, zipfile.BadZipFile) as error:
         raise InterchangeError(
             f"{path} lacks what handsight exports beside LeRobot's own files ({type(error).__name__}: {error}): "
             "a LeRobotDataset of another origin holds no calibrated attempts"
         ) from error
-    yield Bundle(sessions=sessions, decisions=decisions)
+    yield Bundle(sessions=sessions, decisions=decisions, edits=edits)
 
 
 def _write_frames(
@@ -281,9 +286,9 @@ def _read_attempts(path: Path, ulid: str, columns: dict[str, NDArray[Any]], firs
         name = _file_of(episode)
         try:
             if name != opened:
-                file, opened = pq.ParquetFile(path / name), name
+                file, opened = RowReader(path / name), name
             assert file is not None
-            row = file.read_row_group(episode % _EPISODES_PER_FILE).to_pylist()[0]
+            row = file.row(episode % _EPISODES_PER_FILE)
             pictures = {viewpoint: _rgbd_frame(row, viewpoint, columns, number) for viewpoint in VIEWPOINTS}
         except (OSError, KeyError, ValueError, IndexError, TypeError, cv2.error, pa.ArrowException) as error:
             raise CorruptDataError(
