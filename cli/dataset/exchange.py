@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from handsight.cli.dataset.author import author_named
 from handsight.cli.opening import checked_address, open_repository, open_version
-from handsight.cli.options import Dataset, DryRun, Json, TargetBranch
+from handsight.cli.options import Author, Dataset, DryRun, Json, TargetBranch
 from handsight.cli.output import console, print_json, progress_bar
 from handsight.datasets.errors import counted
 from handsight.datasets.inputs.viewpoint import DEFAULT_VIEWPOINT
@@ -17,6 +18,9 @@ from handsight.datasets.inputs.viewpoint import DEFAULT_VIEWPOINT
 if TYPE_CHECKING:
     # These take a second to import; a command does so once its dataset is known to be there.
     from handsight.datasets.exchange.transfer import TransferReport
+
+_EDITS = {"RELABEL": "relabelled", "EXCLUDE": "excluded", "RESTORE": "restored"}
+"""What an import does to attempts that the source's user has edited, by the action of the decision."""
 
 AllowMismatch = Annotated[
     bool, typer.Option("--allow-mismatch", help="Take sessions recorded with another camera, mount or gripper.")
@@ -54,6 +58,7 @@ def import_command(
     ] = None,
     branch: TargetBranch = "main",
     allow_mismatch: AllowMismatch = False,
+    author: Author = "",
     dry_run: DryRun = False,
     as_json: Json = False,
 ) -> None:
@@ -72,6 +77,7 @@ def import_command(
             branch=branch,
             allow_mismatch=allow_mismatch,
             dry_run=dry_run,
+            author=author_named(author),
             on_total=partial(bar.of, 0),
             on_attempt=bar.advance,
         )
@@ -146,6 +152,10 @@ def _as_json(report: TransferReport) -> dict[str, object]:
         "attempts": report.attempts,
         "duplicates": list(report.duplicates),
         "snapshot": report.snapshot,
+        **{
+            name: [attempt for edit in report.edits if edit.action.name == action for attempt in edit.attempts]
+            for action, name in _EDITS.items()
+        },
     }
 
 
@@ -155,6 +165,11 @@ def _print_report(report: TransferReport, source: str, target: str, *, dry_run: 
     console.print(f"{verb} {sessions} of {source} to [bold]{target}[/]")
     for ulid in report.duplicates:
         console.print(f"left out session {ulid}: its attempts are there already")
+    for edit in report.edits:
+        done = f"{'would have ' if dry_run else ''}{_EDITS[edit.action.name]} {counted(len(edit.attempts), 'attempt')}"
+        label = "" if edit.value is None else f" as {'success' if edit.value else 'failure'}"
+        undo = "" if dry_run else f"; take it back with 'handsight dataset undo {target} {edit.number}'"
+        console.print(f"{done}{label}: {edit.reason}{undo}", markup=False)
 
 
 def _print_preview(preview: dict[str, Any]) -> None:

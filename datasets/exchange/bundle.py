@@ -10,9 +10,11 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from handsight.datasets.errors import DatasetError, InterchangeError
+from handsight.datasets.errors import DatasetError, InterchangeError, counted
+from handsight.datasets.exchange.edits import NO_EDITS, Edits
 from handsight.datasets.exchange.sources import SessionSource
 from handsight.datasets.format.decisions import Action, Decision
+from handsight.datasets.format.digest import dataset_digest
 from handsight.datasets.format.schema import SCHEMA_VERSION, parse_attempt_id
 from handsight.datasets.reading.reader import GraspDataset
 
@@ -26,6 +28,8 @@ class Bundle:
     """Oldest first."""
     preview: dict[str, Any] | None = None
     """What a map makes of a set, as JSON values; None where no map was needed."""
+    edits: Edits = NO_EDITS
+    """What its user changed after it was exported."""
 
 
 def origin_of(dataset: GraspDataset) -> dict[str, Any]:
@@ -40,13 +44,13 @@ def origin_of(dataset: GraspDataset) -> dict[str, Any]:
     }
 
 
-def schema_of_origin(origin: dict[str, Any], where: object) -> int:
+def schema_of_origin(origin: object, where: object) -> int:
     """The schema version of an export; older ones are upgraded (format/upgrades.py).
 
     Raises:
         InterchangeError: It is newer than this handsight's, or none is named.
     """
-    version = origin.get("schema_version")
+    version = origin.get("schema_version") if isinstance(origin, dict) else None
     if version is None:
         raise InterchangeError(
             f"{where} has schema version None: it was not exported by handsight; describe a set of other origin in a "
@@ -61,6 +65,22 @@ def schema_of_origin(origin: dict[str, Any], where: object) -> int:
             f"{where} has schema version {version}, this handsight reads up to {SCHEMA_VERSION}: upgrade handsight"
         )
     return version
+
+
+def refuse_incomplete(origin: dict[str, Any], sessions: Sequence[SessionSource], where: Path) -> None:
+    """Refuse an export whose attempts are not all those that were exported, by their recorded digests.
+
+    Raises:
+        InterchangeError: The digest of the version that was exported is another.
+    """
+    attempts = sum(one.size for one in sessions)
+    digest = dataset_digest(one for session in sessions for one in session.digests)
+    if origin.get("digest", digest) != digest:
+        raise InterchangeError(
+            f"{where} was changed after it was exported: its {counted(attempts, 'attempt')} in "
+            f"{counted(len(sessions), 'session')} are not those of the version that it names; to leave some out, "
+            "import all and exclude them, or merge --session"
+        )
 
 
 def refuse_linked(path: Path) -> None:

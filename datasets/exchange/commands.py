@@ -62,6 +62,7 @@ def import_dataset(
     branch: str = DEFAULT_REF,
     allow_mismatch: bool = False,
     dry_run: bool = False,
+    author: str = "unknown",
     on_total: Callable[[int], None] | None = None,
     on_attempt: Callable[[], None] | None = None,
 ) -> ImportReport:
@@ -77,6 +78,7 @@ def import_dataset(
         branch: The branch of an existing dataset that moves.
         allow_mismatch: Take sessions recorded with other instruments than those the dataset knows.
         dry_run: Check and report, and change nothing.
+        author: Who imports, and decides where the source's user has changed labels or filter keys in it.
         on_total: Told how many attempts are to be written, before the first is.
         on_attempt: Called for every attempt written.
 
@@ -101,6 +103,8 @@ def import_dataset(
             repository,
             bundle.sessions,
             decisions=bundle.decisions,
+            edits=bundle.edits,
+            author=author,
             branch=branch,
             message=message,
             allow_mismatch=allow_mismatch,

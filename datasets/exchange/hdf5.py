@@ -40,8 +40,10 @@ from handsight.datasets.exchange.bundle import (
     decisions_from_json,
     decisions_to_json,
     origin_of,
+    refuse_incomplete,
     schema_of_origin,
 )
+from handsight.datasets.exchange.hdf5_edits import edits_of
 from handsight.datasets.exchange.sources import SessionSource, checked_source, stored_sources
 from handsight.datasets.format.arrays import array_at, group_at, read_rows
 from handsight.datasets.format.rows import frame_of, from_row
@@ -102,14 +104,17 @@ def open_bundle(path: Path) -> Iterator[Bundle]:
     with file:
         try:
             _refuse_links(file, path)
-            schema = schema_of_origin(json.loads(file.attrs.get("handsight", "{}")), path)
+            origin = json.loads(file.attrs.get("handsight", "{}"))
+            schema = schema_of_origin(origin, path)
             sessions = [_source(file, ulid, path, schema) for ulid in sorted(_group(file, SESSIONS, path))]
+            refuse_incomplete(origin, sessions, path)
             decisions = decisions_from_json(file["decisions"].asstr()[()], path)
+            edits = edits_of(file, sessions, decisions, path.name)
         except (KeyError, ValueError, TypeError, OSError, RuntimeError) as error:
             if isinstance(error, InterchangeError):
                 raise
             raise InterchangeError(f"{path} was not exported by handsight, or is damaged: {error}") from error
-        yield Bundle(sessions=sessions, decisions=decisions)
+        yield Bundle(sessions=sessions, decisions=decisions, edits=edits)
 
 
 def _write_session(file: h5py.File, source: SessionSource, attempts: zarr.Group, *, first_demo: int) -> None:

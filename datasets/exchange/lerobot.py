@@ -18,7 +18,14 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from handsight.datasets.errors import CorruptDataError, InterchangeError, counted, headline
-from handsight.datasets.exchange.bundle import Bundle, decisions_from_json, refuse_linked, schema_of_origin
+from handsight.datasets.exchange.bundle import (
+    Bundle,
+    decisions_from_json,
+    refuse_incomplete,
+    refuse_linked,
+    schema_of_origin,
+)
+from handsight.datasets.exchange.lerobot_edits import edits_of
 from handsight.datasets.exchange.lerobot_layout import (
     EPISODES_PER_FILE,
     SIDE,
@@ -29,6 +36,7 @@ from handsight.datasets.exchange.lerobot_layout import (
     rgb_key,
     valid_key,
 )
+from handsight.datasets.exchange.parquet_rows import RowReader
 from handsight.datasets.exchange.pictures import decoded
 from handsight.datasets.exchange.sources import SessionSource, checked_source
 from handsight.datasets.format.rows import from_row
@@ -60,7 +68,9 @@ def open_bundle(path: Path) -> Iterator[Bundle]:
         schema = schema_of_origin(origin, path)
         ulids = sorted(file.stem for file in (path / SIDE).glob("*.npz"))
         sessions = [_source(path, ulid, schema) for ulid in ulids]
+        refuse_incomplete(origin, sessions, path)
         decisions = decisions_from_json(origin["decisions"], path)
+        edits = edits_of(path, sessions)
     except (InterchangeError, CorruptDataError):
         raise
     except (OSError, KeyError, ValueError, TypeError, AttributeError, zipfile.BadZipFile, *_UNPACKING) as error:
@@ -70,7 +80,7 @@ def open_bundle(path: Path) -> Iterator[Bundle]:
             "a LeRobotDataset of another origin does not say what its label is or where its camera was: describe it in "
             "a map and import it with --map map.toml, or make a table of its pictures (both in docs/datasets.md)"
         ) from error
-    yield Bundle(sessions=sessions, decisions=decisions)
+    yield Bundle(sessions=sessions, decisions=decisions, edits=edits)
 
 
 def _source(path: Path, ulid: str, schema: int) -> SessionSource:
@@ -106,7 +116,7 @@ def _rows_in_data(path: Path) -> int:
     rows = 0
     for file in sorted(path.glob("data/*/*.parquet")):
         try:
-            rows += pq.read_metadata(file).num_row_groups
+            rows += pq.read_metadata(file).num_rows
         except (OSError, pa.ArrowException) as error:
             raise CorruptDataError(
                 f"attempts cannot be read from {file}: {headline(error)}; take an undamaged copy"
@@ -143,9 +153,9 @@ def _read_attempts(
         name = data_file(episode)
         try:
             if name != opened:
-                file, opened = pq.ParquetFile(path / name), name
+                file, opened = RowReader(path / name), name
             assert file is not None
-            row = file.read_row_group(episode % EPISODES_PER_FILE).to_pylist()[0]
+            row = file.row(episode % EPISODES_PER_FILE)
             pictures = {viewpoint: _rgbd_frame(row, viewpoint, columns, number, station) for viewpoint in VIEWPOINTS}
         except (OSError, KeyError, ValueError, IndexError, TypeError, pa.ArrowException) as error:
             raise CorruptDataError(

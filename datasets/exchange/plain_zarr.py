@@ -19,7 +19,7 @@ from zarr.core.sync import sync
 from zarr.storage import LocalStore
 
 from handsight.datasets.errors import CorruptDataError, InterchangeError, counted
-from handsight.datasets.exchange.bundle import Bundle, origin_of, refuse_linked, schema_of_origin
+from handsight.datasets.exchange.bundle import Bundle, origin_of, refuse_incomplete, refuse_linked, schema_of_origin
 from handsight.datasets.exchange.sources import stored_sources
 from handsight.datasets.format.arrays import array_at, group_at
 from handsight.datasets.format.decisions import read_overlay
@@ -62,9 +62,12 @@ def open_bundle(path: Path) -> Iterator[Bundle]:
         attributes: dict[str, Any] = root.attrs.asdict()
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise InterchangeError(f"{path} has no readable group at its root: {error}") from error
-    schema = schema_of_origin(attributes.get("handsight", attributes), path)
+    origin = attributes.get("handsight", attributes)
+    schema = schema_of_origin(origin, path)
     _refuse_empty_claims(path, root)
-    yield Bundle(sessions=stored_sources(root, schema), decisions=read_overlay(root).decisions)
+    sessions = stored_sources(root, schema)
+    refuse_incomplete(origin, sessions, path)
+    yield Bundle(sessions=sessions, decisions=read_overlay(root).decisions)
 
 
 def _refuse_empty_claims(path: Path, root: zarr.Group) -> None:

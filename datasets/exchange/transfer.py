@@ -9,13 +9,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
-from itertools import islice
+from functools import partial
+from itertools import chain, islice
 from typing import Any
 
 import zarr
 
 from handsight.datasets.address import DEFAULT_REF
 from handsight.datasets.errors import CorruptDataError, MergeError, SessionConflictError, StorageError, counted
+from handsight.datasets.exchange.edits import NO_EDITS, Edits, decisions_of
 from handsight.datasets.exchange.sources import SessionSource
 from handsight.datasets.format.arrays import (
     array_at,
@@ -25,7 +27,7 @@ from handsight.datasets.format.arrays import (
     run_concurrently,
     unreadable_chunk,
 )
-from handsight.datasets.format.decisions import Action, Decision, append_decision, read_overlay
+from handsight.datasets.format.decisions import Action, Decision, Overlay, append_decision, read_overlay
 from handsight.datasets.format.frames import BATCH_FRAMES, FrameEncoder, frame_paths
 from handsight.datasets.format.schema import SESSIONS, attempt_id, create_arrays, packed_rows
 from handsight.datasets.format.sessions import read_sessions
@@ -56,6 +58,8 @@ class TransferReport:
     """Attempts added."""
     duplicates: tuple[str, ...]
     """Sessions left out because the dataset has all their attempts already."""
+    edits: tuple[Decision, ...]
+    """What the source's user had changed in it, as the decisions it became."""
     snapshot: str | None
     """The new version; None where nothing was added, or for a dry run."""
 
@@ -65,6 +69,8 @@ def transfer(
     sources: Sequence[SessionSource],
     *,
     decisions: Sequence[Decision] = (),
+    edits: Edits = NO_EDITS,
+    author: str = "",
     branch: str = DEFAULT_REF,
     message: str,
     allow_mismatch: bool = False,
@@ -78,6 +84,8 @@ def transfer(
         repository: Where they go.
         sources: The sessions; those whose attempts are all there already are left out and reported.
         decisions: Curation of the source, oldest first; what concerns sessions that are added comes along.
+        edits: What the source's user has changed in it, of sessions that are there already, too.
+        author: Of the decisions that edits become.
         branch: The branch that moves.
         message: Of the commit.
         allow_mismatch: Take sessions recorded with other instruments than those the dataset knows.
@@ -105,13 +113,21 @@ def transfer(
     attempts = sum(source.size for source in new)
     if on_total is not None:
         on_total(attempts)
+    come = frozenset(source.ulid for source in new)
+    others = _ids_there([source for source in sources if source.ulid not in come], present)
+    decide = partial(_decisions, decisions, edits, come, author=author, others=others)
+    edited = decide(read_overlay(root))[1]
     snapshot = None
-    if new and not dry_run:
-        snapshot = _write(repository, new, decisions, branch=branch, message=message, on_attempt=on_attempt)
+    if (new or edited) and not dry_run:
+        snapshot = _write(repository, new, decide, branch=branch, message=message, on_attempt=on_attempt)
+        if edited:
+            # Numbered as committed, which may be after what others have decided meanwhile.
+            edited = read_overlay(repository.root(snapshot)).decisions[-len(edited) :]
     return TransferReport(
         sessions=tuple(source.ulid for source in new),
         attempts=attempts,
-        duplicates=tuple(source.ulid for source in sources if source not in new),
+        duplicates=tuple(source.ulid for source in sources if source.ulid not in come),
+        edits=edited,
         snapshot=snapshot,
     )
 
@@ -122,6 +138,34 @@ def _digests_by_session(root: zarr.Group) -> dict[str, list[bytes]]:
         ulid: [row.tobytes() for row in read_all(array_at(sessions, f"{ulid}/attempts/digest"))]
         for ulid in sorted(sessions.group_keys())
     }
+
+
+def _ids_there(duplicates: Sequence[SessionSource], present: dict[str, list[bytes]]) -> dict[str, str]:
+    """What attempts that are there under another id are called there."""
+    elsewhere = [source for source in duplicates if source.ulid not in present]
+    if not elsewhere:
+        return {}
+    names = {digest: attempt_id(ulid, at) for ulid, digests in present.items() for at, digest in enumerate(digests)}
+    return {
+        attempt_id(source.ulid, number): names[digest]
+        for source in elsewhere
+        for number, digest in enumerate(source.digests)
+    }
+
+
+def _decisions(
+    decisions: Sequence[Decision],
+    edits: Edits,
+    sessions: frozenset[str],
+    overlay: Overlay,
+    *,
+    author: str,
+    others: dict[str, str],
+) -> tuple[tuple[Decision, ...], tuple[Decision, ...]]:
+    """What is to be added to the curation of a version: decisions of the source, then what its user's edits become."""
+    come = tuple(transplanted(decisions, sessions, first=len(overlay.decisions)))
+    curated = Overlay((*overlay.decisions, *come))
+    return come, tuple(decisions_of(edits, curated, author=author, ids_there=others))
 
 
 def _is_duplicate(source: SessionSource, present: dict[str, list[bytes]]) -> bool:
@@ -182,7 +226,7 @@ def instruments(station: StationSpec) -> dict[str, Any]:
 def _write(
     repository: GraspRepository,
     sources: Sequence[SessionSource],
-    decisions: Sequence[Decision],
+    decide: Callable[[Overlay], tuple[tuple[Decision, ...], tuple[Decision, ...]]],
     *,
     branch: str,
     message: str,
@@ -199,7 +243,7 @@ def _write(
             for source in sources:
                 group = sessions.create_group(source.ulid, attributes=source.attributes)
                 _write_session(group, source, tell)
-            for decision in transplanted(decisions, names, first=len(read_overlay(root).decisions)):
+            for decision in chain.from_iterable(decide(read_overlay(root))):
                 append_decision(root, decision)
 
         def check(tip: zarr.Group) -> None:

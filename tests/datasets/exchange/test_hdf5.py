@@ -123,10 +123,10 @@ BAD_HDF5: dict[str, tuple[Callable[[Path], object], str]] = {
     ),
     "decisions": (edited_hdf5(lambda file: _replace(file, "decisions", '[{"action": "burn"}]')), "decisions in"),
     "a pixel": (edited_hdf5(_change_pixel), "not what its recorded digest says"),
-    "a missing demo": (edited_hdf5(lambda file: file.__delitem__("data/demo_20")), "cannot be read from"),
+    "a missing demo": (edited_hdf5(lambda file: file.__delitem__("data/demo_20")), r"demos are missing \(demo_20\)"),
     "swapped demos": (
         edited_hdf5(lambda file: file["data/demo_20"].attrs.modify("attempt", "another")),
-        "demo_20 is attempt another",
+        r"attempt names another attempt \(demo_20\)",
     ),
 }
 
