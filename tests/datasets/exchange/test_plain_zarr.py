@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -10,8 +11,12 @@ from typing import Any
 import numpy as np
 import pytest
 import zarr
+from tests.support.axes import arrays_of, assert_axes_are_named
+from tests.support.factories import make_attempt, make_header, record
 
-from handsight.datasets import DatasetError, GraspDataset, export_dataset, import_dataset
+from handsight.datasets import DatasetError, GraspDataset, GraspRepository, export_dataset, import_dataset, migrate
+from handsight.datasets.curation.curator import Curator
+from handsight.datasets.reading.selection import Selection
 
 
 def test_plain_zarr_opens_with_zarr_alone(dataset: GraspDataset, tmp_path: Path) -> None:
@@ -25,6 +30,36 @@ def test_plain_zarr_opens_with_zarr_alone(dataset: GraspDataset, tmp_path: Path)
     array = root[f"sessions/{session}/overhead/rgb"]
     assert isinstance(array, zarr.Array)
     np.testing.assert_array_equal(array[int(number)], dataset.frame(identity).rgb)
+
+
+CORE_CODECS = {"bytes", "blosc", "crc32c"}
+
+
+@pytest.mark.parametrize("size", [(8, 6), (1, 3)])
+def test_any_library_can_decode_an_export(repository: GraspRepository, tmp_path: Path, size: tuple[int, int]) -> None:
+    header = make_header(seed=1, width=size[0], height=size[1])
+    record(repository, header, [make_attempt(header, number) for number in range(20)])
+    Curator(repository, author="jo").exclude(Selection(where="outcome == 'held'"), "dark")
+    export_dataset(GraspDataset(repository, ref="main"), tmp_path / "out.zarr", format="zarr")
+    root = zarr.open_group(str(tmp_path / "out.zarr"), mode="r")
+    assert_axes_are_named(root)
+    for path, array in arrays_of(root).items():
+        used = {codec["name"] for codec in array.metadata.to_dict()["codecs"]}
+        assert used <= CORE_CODECS, path
+        assert "crc32c" in used, path
+
+
+def test_axes_are_named_that_had_no_names_when_they_were_recorded(tmp_path: Path) -> None:
+    golden = Path(__file__).parents[1] / "scenarios/golden/schema-1.zip"
+    with zipfile.ZipFile(golden) as archive:
+        archive.extractall(tmp_path / "grasps")
+    migrate(GraspRepository.open(tmp_path / "grasps"), "new")
+    dataset = GraspDataset.open(f"{tmp_path}/grasps@new")
+    assert any(array.metadata.dimension_names is None for array in arrays_of(dataset.root).values())
+    export_dataset(dataset, tmp_path / "out", format="zarr")
+    assert_axes_are_named(zarr.open_group(str(tmp_path / "out"), mode="r"))
+    import_dataset(tmp_path / "out", tmp_path / "back")
+    assert GraspDataset.open(f"{tmp_path}/back").digest == dataset.digest
 
 
 def _link_out(path: Path) -> None:
