@@ -10,7 +10,7 @@ from pathlib import Path
 
 from handsight.datasets.address import DEFAULT_REF, Location, S3Prefix, location_of
 from handsight.datasets.atomic import atomic_folder
-from handsight.datasets.errors import InterchangeError
+from handsight.datasets.errors import DatasetError, InterchangeError, StorageError, headline
 from handsight.datasets.exchange.formats import format_named, format_of
 from handsight.datasets.exchange.transfer import TransferReport, transfer
 from handsight.datasets.reading.reader import GraspDataset
@@ -42,11 +42,12 @@ def export_dataset(
     Raises:
         InterchangeError: The format cannot be written, or something is at the target.
         CorruptDataError: An attempt is damaged; the message names it.
+        StorageError: The target cannot be written, for instance because the disk is full.
     """
     chosen, path = format_named(format), Path(target)
     if chosen.write is None:
         raise InterchangeError(f"format {format!r} is only imported: choose another")
-    with whole_or_absent(path) as unfinished:
+    with _writing_to(path), whole_or_absent(path) as unfinished:
         chosen.write(dataset, unfinished, on_attempt or _nothing)
 
 
@@ -99,6 +100,19 @@ def import_dataset(
         )
         created = repository.path != location
     return ImportReport(format=chosen.name, created=created and not dry_run, transfer=report)
+
+
+@contextmanager
+def _writing_to(target: Path) -> Iterator[None]:
+    """Turn what the system says against writing somewhere into ``StorageError``."""
+    try:
+        yield
+    except DatasetError:
+        raise
+    except OSError as error:
+        raise StorageError(
+            f"cannot write {target}: {error.strerror or headline(error)}; make room there, or choose another place"
+        ) from error
 
 
 @contextmanager

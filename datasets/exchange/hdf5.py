@@ -44,6 +44,7 @@ from handsight.datasets.exchange.bundle import (
     schema_of_origin,
 )
 from handsight.datasets.exchange.hdf5_edits import edits_of
+from handsight.datasets.exchange.hdf5_file import new_hdf5_file
 from handsight.datasets.exchange.sources import SessionSource, checked_source, stored_sources
 from handsight.datasets.format.arrays import array_at, group_at, read_rows
 from handsight.datasets.format.rows import frame_of, from_row
@@ -71,7 +72,8 @@ def write(dataset: GraspDataset, path: Path, on_attempt: Callable[[], None]) -> 
     excluded = set(dataset.overlay.exclusions.index)
     masks: dict[str, list[str]] = {"labelled": [], "excluded": []}
     demo = 0
-    with h5py.File(path, "x") as file:
+    with new_hdf5_file(path) as new:
+        file = new.root
         file.attrs["handsight"] = json.dumps(origin_of(dataset))
         file["decisions"] = decisions_to_json(dataset.overlay.decisions)
         data, _ = file.create_group("data"), file.create_group(SESSIONS)
@@ -83,6 +85,7 @@ def write(dataset: GraspDataset, path: Path, on_attempt: Callable[[], None]) -> 
                 masks["labelled"] += [name] if attempt.labelled else []
                 masks["excluded"] += [name] if identity in excluded else []
                 demo += 1
+                new.check()
                 on_attempt()
         data.attrs["total"] = demo
         data.attrs["env_args"] = json.dumps({"env_name": "handsight", "type": 2, "env_kwargs": {}})

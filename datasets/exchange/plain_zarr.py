@@ -8,7 +8,6 @@ History, releases and branches stay behind.
 
 from __future__ import annotations
 
-import asyncio
 import json
 import math
 from collections.abc import Callable, Iterator, Sequence
@@ -26,7 +25,7 @@ from zarr.storage import LocalStore
 from handsight.datasets.errors import CorruptDataError, InterchangeError, counted
 from handsight.datasets.exchange.bundle import Bundle, origin_of, refuse_incomplete, refuse_linked, schema_of_origin
 from handsight.datasets.exchange.sources import stored_sources
-from handsight.datasets.format.arrays import array_at, group_at, read_rows
+from handsight.datasets.format.arrays import array_at, group_at, read_rows, run_concurrently
 from handsight.datasets.format.decisions import read_overlay
 from handsight.datasets.format.frames import BATCH_FRAMES
 from handsight.datasets.format.schema import SESSION_AXES, SESSIONS, VIEWPOINTS
@@ -134,15 +133,12 @@ def _copy(store: Store, prefix: str, target: Path, *, without: Sequence[str] = (
     keys = (key for key in sync(_keys(store, prefix)) if not key.startswith(left_out))
     missing = [key for key in keys if not (target / key).exists()]
     for start in range(0, len(missing), _KEYS_AT_A_TIME):
-        sync(_copy_keys(store, missing[start : start + _KEYS_AT_A_TIME], target))
+        some = missing[start : start + _KEYS_AT_A_TIME]
+        run_concurrently(_copy_key(store, key, target / key) for key in some)
 
 
 async def _keys(store: Store, prefix: str) -> list[str]:
     return sorted([key async for key in store.list_prefix(prefix)])
-
-
-async def _copy_keys(store: Store, keys: Sequence[str], target: Path) -> None:
-    await asyncio.gather(*(_copy_key(store, key, target / key) for key in keys))
 
 
 async def _copy_key(store: Store, key: str, target: Path) -> None:
