@@ -22,23 +22,24 @@ from zarr.core.buffer import default_buffer_prototype
 from zarr.core.sync import sync
 from zarr.storage import LocalStore
 
-from handsight.datasets.errors import CorruptDataError, InterchangeError, counted
+from handsight.datasets.errors import CorruptDataError
 from handsight.datasets.exchange.bundle import Bundle, origin_of, refuse_incomplete, refuse_linked, schema_of_origin
+from handsight.datasets.exchange.foreign import guarded, refuse, understood
 from handsight.datasets.exchange.sources import stored_sources
+from handsight.datasets.exchange.zarr_headers import METADATA, array_faults, claim_faults, metadata_faults
 from handsight.datasets.format.arrays import array_at, group_at, read_rows, run_concurrently
-from handsight.datasets.format.decisions import read_overlay
+from handsight.datasets.format.decisions import CURATION, DECISION_ARRAYS, read_overlay
 from handsight.datasets.format.frames import BATCH_FRAMES
 from handsight.datasets.format.schema import SESSION_AXES, SESSIONS, VIEWPOINTS
 from handsight.datasets.reading.reader import GraspDataset
 from handsight.datasets.store.icechunk_engine import icechunk_errors
 
-_METADATA = "zarr.json"
 _KEYS_AT_A_TIME = 64
 
 
 def recognises(path: Path) -> bool:
     """Whether the path is a folder with the root of a Zarr v3 hierarchy."""
-    return path.is_dir() and (path / _METADATA).is_file()
+    return path.is_dir() and (path / METADATA).is_file()
 
 
 def write(dataset: GraspDataset, path: Path, on_attempt: Callable[[], None]) -> None:
@@ -95,36 +96,29 @@ def open_bundle(path: Path) -> Iterator[Bundle]:
     """Open a folder for import.
 
     Raises:
-        InterchangeError: The folder is foreign, newer, or holds links.
+        InterchangeError: The folder is foreign, newer, changed, or holds links.
         CorruptDataError: An array is missing or damaged.
+        StorageError: It cannot be read.
     """
     refuse_linked(path)
-    try:
+    with understood(path, "was not exported by handsight, or is damaged"):
+        refuse(path, metadata_faults(path))
         root = zarr.open_group(LocalStore(path, read_only=True), mode="r")
         attributes: dict[str, Any] = root.attrs.asdict()
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise InterchangeError(f"{path} has no readable group at its root: {error}") from error
-    origin = attributes.get("handsight", attributes)
-    schema = schema_of_origin(origin, path)
-    _refuse_empty_claims(path, root)
-    sessions = stored_sources(root, schema)
-    refuse_incomplete(origin, sessions, path)
-    yield Bundle(sessions=sessions, decisions=read_overlay(root).decisions)
+        origin = attributes.get("handsight", attributes)
+        schema = schema_of_origin(origin, path)
+        refuse(path, claim_faults(path, _never_empty(root)))
+        sessions = stored_sources(root, schema)
+        refuse(path, array_faults(path, sessions, schema))
+        refuse_incomplete(origin, sessions, path)
+        decisions = read_overlay(root).decisions
+    yield Bundle(sessions=guarded(sessions, path), decisions=decisions)
 
 
-def _refuse_empty_claims(path: Path, root: zarr.Group) -> None:
-    """Refuse sessions with more rows than chunks could hold, before memory is set aside for them.
-
-    A few bytes suffice to claim any number of rows, but no digest is all zeros, so every chunk of digests is a file.
-    """
-    for ulid, session in group_at(root, SESSIONS).groups():
-        digests, rows = array_at(session, "attempts/digest"), array_at(session, "attempts/number").shape[0]
-        files = sum(file.is_file() for file in (path / SESSIONS / ulid / "attempts/digest/c").rglob("*"))
-        if digests.shape[0] != rows or digests.nchunks > files:
-            raise CorruptDataError(
-                f"session {ulid} of {path} claims {counted(rows, 'attempt')} and has {files} of {digests.nchunks} "
-                "chunks of their digests: take an undamaged copy"
-            )
+def _never_empty(root: zarr.Group) -> list[str]:
+    """Paths of arrays that are read as a whole and have no chunk of zeros: no digest is, nor any decision."""
+    digests = [f"{SESSIONS}/{ulid}/attempts/digest" for ulid in group_at(root, SESSIONS).group_keys()]
+    return [*digests, *(f"{CURATION}/{name}" for name in DECISION_ARRAYS)]
 
 
 def _copy(store: Store, prefix: str, target: Path, *, without: Sequence[str] = ()) -> None:
@@ -148,7 +142,7 @@ async def _copy_key(store: Store, key: str, target: Path) -> None:
     data = value.to_bytes()
     folder, _, name = key.rpartition("/")
     target.parent.mkdir(parents=True, exist_ok=True)
-    target.write_bytes(_with_axes(data, folder) if name == _METADATA else data)
+    target.write_bytes(_with_axes(data, folder) if name == METADATA else data)
 
 
 def _with_axes(metadata: bytes, path: str) -> bytes:

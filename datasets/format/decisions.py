@@ -45,6 +45,8 @@ _NO_VALUE = -1
 _TARGET_CHUNK_ROWS = 4096
 _FACTS, _REASON, _AUTHOR = "decisions/facts", "decisions/reason", "decisions/author"
 _TARGETS = "targets/attempt"
+DECISION_ARRAYS = (_FACTS, _REASON, _AUTHOR, _TARGETS)
+"""Paths in the group of the arrays that hold them."""
 
 
 class Action(IntEnum):

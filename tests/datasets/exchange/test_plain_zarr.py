@@ -93,8 +93,8 @@ BAD_ZARR: dict[str, tuple[Callable[[Path], object], str]] = {
     "bit": (_flip_chunk, "is damaged in row"),
     "newer": (_newer, "schema version 99"),
     "foreign": (_foreign, "schema version None"),
-    "a bomb of rows": (_claim_zarr_rows, "claims 1000000000000 attempts"),
-    "root": (lambda path: (path / "zarr.json").write_text("{"), "no readable group"),
+    "a bomb of rows": (_claim_zarr_rows, "digest claims 1000000000000 rows"),
+    "root": (lambda path: (path / "zarr.json").write_text("{"), "it is no JSON"),
     "missing array": (
         lambda path: shutil.rmtree(next(path.glob("sessions/*/attempts/outcome"))),
         "attempts/outcome cannot be read",
