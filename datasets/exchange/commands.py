@@ -12,6 +12,7 @@ from handsight.datasets.address import DEFAULT_REF, Location, S3Prefix, location
 from handsight.datasets.atomic import atomic_folder
 from handsight.datasets.errors import DatasetError, InterchangeError, StorageError, headline
 from handsight.datasets.exchange.formats import format_named, format_of
+from handsight.datasets.exchange.places import refuse_source, refuse_target, staying_in_place
 from handsight.datasets.exchange.transfer import TransferReport, transfer
 from handsight.datasets.reading.reader import GraspDataset
 from handsight.datasets.store.icechunk_engine import sync_file_system
@@ -40,7 +41,7 @@ def export_dataset(
         on_attempt: Called for every attempt written.
 
     Raises:
-        InterchangeError: The format cannot be written, or something is at the target.
+        InterchangeError: The format cannot be written, something is at the target, or it is inside a dataset.
         CorruptDataError: An attempt is damaged; the message names it.
         StorageError: The target cannot be written, for instance because the disk is full.
     """
@@ -82,6 +83,7 @@ def import_dataset(
         InterchangeError: The source is in no known format or is malformed.
     """
     path, location = Path(source), location_of(target)
+    refuse_source(path)
     chosen = format_of(path) if format is None else format_named(format)
     message = f"import {path.name} ({chosen.name})"
     with chosen.open(path) as bundle, _destination(location, dry_run=dry_run) as repository:
@@ -120,10 +122,9 @@ def whole_or_absent(target: Path) -> Iterator[Path]:
     """A path to write to that becomes ``target`` at the end, unless the block fails, which leaves nothing.
 
     Raises:
-        InterchangeError: Something is at the target.
+        InterchangeError: Something is at the target, or it is inside a dataset.
     """
-    if target.exists() or target.is_symlink():
-        raise InterchangeError(f"there is something at {target} already: choose another path, or move it away")
+    refuse_target(target)
     target.parent.mkdir(parents=True, exist_ok=True)
     with atomic_folder(target) as unfinished:
         yield unfinished
@@ -137,9 +138,11 @@ def _destination(path: Location, *, dry_run: bool) -> Iterator[GraspRepository]:
         yield GraspRepository.open(path)
         return
     if path.exists():
-        yield GraspRepository.open(path)
+        with staying_in_place(path):
+            yield GraspRepository.open(path)
         return
     if dry_run:
+        refuse_target(path)
         with tempfile.TemporaryDirectory() as folder:
             yield GraspRepository.create(Path(folder) / "dataset")
         return

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import json
 import math
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -20,6 +21,7 @@ from zarr.abc.store import Store
 from zarr.codecs import BloscCodec, Crc32cCodec
 from zarr.core.buffer import default_buffer_prototype
 from zarr.core.sync import sync
+from zarr.errors import ZarrUserWarning
 from zarr.storage import LocalStore
 
 from handsight.datasets.errors import CorruptDataError
@@ -35,6 +37,10 @@ from handsight.datasets.reading.reader import GraspDataset
 from handsight.datasets.store.icechunk_engine import icechunk_errors
 
 _KEYS_AT_A_TIME = 64
+
+warnings.filterwarnings("ignore", r"Object at \._", ZarrUserWarning)
+"""macOS keeps a file of that name beside every other on foreign disks. Zarr says so in a thread of its own, where only a
+filter of the whole process reaches it."""
 
 
 def recognises(path: Path) -> bool:

@@ -56,7 +56,7 @@ def array_faults(path: Path, sources: Sequence[SessionSource], schema: int) -> l
             metadata = _read(path / SESSIONS / source.ulid / name / METADATA)
             if metadata is None:
                 continue  # Whoever reads it says so.
-            found, expected = (metadata["data_type"], tuple(metadata["shape"])), (dtype, (source.size, *row))
+            found, expected = (metadata["data_type"], metadata["shape"]), (dtype, [source.size, *row])
             if found != expected:
                 where = f"{SESSIONS}/{source.ulid}/{name}"
                 faults.append(f"{where} is {found[0]} {found[1]}, expected {expected[0]} {expected[1]}")
@@ -75,7 +75,7 @@ def claim_faults(path: Path, arrays: Sequence[str]) -> list[str]:
             continue
         chunks = metadata["chunk_grid"]["configuration"]["chunk_shape"]
         claimed = math.prod(-(-side // chunk) for side, chunk in zip(metadata["shape"], chunks, strict=True))
-        files = sum(len(files) for _, _, files in os.walk(path / name / "c"))
+        files = sum(not file.startswith(".") for _, _, files in os.walk(path / name / "c") for file in files)
         if claimed > files:
             rows = counted(metadata["shape"][0], "row")
             faults.append(f"{name} claims {rows} in {counted(claimed, 'chunk')}, and {files} are there")

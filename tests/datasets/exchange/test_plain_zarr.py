@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 import zipfile
 from collections.abc import Callable
@@ -14,7 +15,15 @@ import zarr
 from tests.support.axes import arrays_of, assert_axes_are_named
 from tests.support.factories import make_attempt, make_header, record
 
-from handsight.datasets import DatasetError, GraspDataset, GraspRepository, export_dataset, import_dataset, migrate
+from handsight.datasets import (
+    DatasetError,
+    GraspDataset,
+    GraspRepository,
+    InterchangeError,
+    export_dataset,
+    import_dataset,
+    migrate,
+)
 from handsight.datasets.curation.curator import Curator
 from handsight.datasets.reading.selection import Selection
 
@@ -60,6 +69,49 @@ def test_axes_are_named_that_had_no_names_when_they_were_recorded(tmp_path: Path
     assert_axes_are_named(zarr.open_group(str(tmp_path / "out"), mode="r"))
     import_dataset(tmp_path / "out", tmp_path / "back")
     assert GraspDataset.open(f"{tmp_path}/back").digest == dataset.digest
+
+
+@pytest.mark.filterwarnings("ignore:Object at ._:zarr.errors.ZarrUserWarning")
+def test_what_macos_keeps_beside_files_is_passed_over(dataset: GraspDataset, tmp_path: Path) -> None:
+    export_dataset(dataset, tmp_path / "out", format="zarr")
+    for path in list((tmp_path / "out").rglob("*")):
+        path.with_name(f"._{path.name}").write_bytes(b"\0\5\x16\7")
+    import_dataset(tmp_path / "out", tmp_path / "back")
+    assert GraspDataset.open(f"{tmp_path}/back").digest == dataset.digest
+
+
+def test_all_faults_of_metadata_are_said_at_once(dataset: GraspDataset, tmp_path: Path) -> None:
+    export_dataset(dataset, tmp_path / "out", format="zarr")
+    for name, key, value in (
+        ("number", "shape", [-1]),
+        ("outcome", "codecs", [{"name": "bytes"}, {"name": "pickle"}]),
+        ("target", "data_type", "object"),
+        ("failure", "chunk_grid", {"configuration": {"chunk_shape": [2**30, 512]}}),
+        ("digest", "node_type", None),
+    ):
+        file = next((tmp_path / "out").glob(f"sessions/*/attempts/{name}/zarr.json"))
+        file.write_text(json.dumps({**json.loads(file.read_text()), key: value}))
+    with pytest.raises(InterchangeError) as caught:
+        import_dataset(tmp_path / "out", tmp_path / "back")
+    for message in (
+        "number/zarr.json: shape is [-1]",
+        "codecs hold 'pickle'",
+        "data_type is 'object'",
+        "failure/zarr.json: chunk_shape is [1073741824, 512], expected at most",
+        "node_type is None",
+    ):
+        assert message in str(caught.value)
+
+
+def test_arrays_are_what_the_headers_say(dataset: GraspDataset, tmp_path: Path) -> None:
+    export_dataset(dataset, tmp_path / "out", format="zarr")
+    file = next((tmp_path / "out").glob("sessions/*/overhead/depth/zarr.json"))
+    metadata = json.loads(file.read_text())
+    file.write_text(json.dumps({**metadata, "shape": [metadata["shape"][0] + 1, *metadata["shape"][1:]]}))
+    with pytest.raises(
+        InterchangeError, match=r"overhead/depth is uint16 \[\d+, 6, 8\], expected uint16 \[\d+, 6, 8\]"
+    ):
+        import_dataset(tmp_path / "out", tmp_path / "back")
 
 
 def _link_out(path: Path) -> None:
