@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -54,8 +55,9 @@ def understood(path: Path, failure: str) -> Iterator[None]:
 
 def of_the_machine(path: Path, error: Exception) -> StorageError | None:
     """The error of a machine that could not read; None where something was read and is wrong."""
-    if isinstance(error, OSError) and error.errno in _MACHINE:
-        reason = error.strerror or headline(error)
+    if isinstance(error, OSError) and error.errno is not None and error.errno in _MACHINE:
+        # h5py puts its own words into strerror.
+        reason = os.strerror(error.errno)
         return StorageError(
             f"{path} cannot be read: {reason}; nothing is known of its content: mend that and try again"
         )

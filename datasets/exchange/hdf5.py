@@ -47,6 +47,7 @@ from handsight.datasets.exchange.bundle import (
 from handsight.datasets.exchange.foreign import guarded, of_the_machine, understood
 from handsight.datasets.exchange.hdf5_edits import edits_of
 from handsight.datasets.exchange.hdf5_file import new_hdf5_file
+from handsight.datasets.exchange.hdf5_probe import refuse_unreadable
 from handsight.datasets.exchange.sources import SessionSource, checked_source, stored_sources
 from handsight.datasets.format.arrays import array_at, group_at, read_rows
 from handsight.datasets.format.rows import frame_of, from_row
@@ -105,6 +106,7 @@ def open_bundle(path: Path) -> Iterator[Bundle]:
         InterchangeError: The file is truncated, foreign, newer, changed, open elsewhere, or holds links.
         StorageError: It cannot be read.
     """
+    refuse_unreadable(path)
     with _opened(path) as file:
         with understood(path, "was not exported by handsight, or is damaged"):
             _refuse_links(file, path, set())

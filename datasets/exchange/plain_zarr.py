@@ -39,8 +39,8 @@ from handsight.datasets.store.icechunk_engine import icechunk_errors
 _KEYS_AT_A_TIME = 64
 
 warnings.filterwarnings("ignore", r"Object at \._", ZarrUserWarning)
-"""macOS keeps a file of that name beside every other on foreign disks. Zarr says so in a thread of its own, where only a
-filter of the whole process reaches it."""
+"""macOS keeps a file of that name beside every other on foreign disks. Zarr says so in a thread of its own, where only
+a filter of the whole process reaches it."""
 
 
 def recognises(path: Path) -> bool:
@@ -80,7 +80,7 @@ def _encode_anew(array: zarr.Array[Any], target: Path, on_attempt: Callable[[], 
         compressors=(blosc, Crc32cCodec()),
         fill_value=array.fill_value,
         attributes=array.attrs.asdict(),
-        dimension_names=array.metadata.dimension_names or _axes_of(array.path, len(shape)),
+        dimension_names=_axes_of(array.path, len(shape)),
     )
     for start in range(0, shape[0], BATCH_FRAMES):
         stop = min(start + BATCH_FRAMES, shape[0])

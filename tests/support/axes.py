@@ -5,6 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 import zarr
+from zarr.core.metadata import ArrayV3Metadata
+
+
+def axes_of(array: zarr.Array[Any]) -> tuple[str | None, ...] | None:
+    """Their names; None where they have none."""
+    assert isinstance(array.metadata, ArrayV3Metadata)
+    return array.metadata.dimension_names
 
 
 def arrays_of(group: zarr.Group) -> dict[str, zarr.Array[Any]]:
@@ -16,7 +23,7 @@ def assert_axes_are_named(root: zarr.Group) -> None:
     lengths: dict[tuple[str, str], int] = {}
     for path, array in arrays_of(root).items():
         group, _, name = path.rpartition("/")
-        axes = array.metadata.dimension_names
+        axes = axes_of(array)
         assert axes is not None, path
         assert len(set(axes)) == len(axes) == array.ndim, path
         assert all(axes), path

@@ -89,7 +89,8 @@ def spoil_bytes(path: Path, rng: np.random.Generator) -> None:
 def spoil_json(path: Path, rng: np.random.Generator) -> None:
     """Give one place of a JSON file another value, or take it out."""
     value = json.loads(path.read_text())
-    parent, node, key = None, value, None
+    parent: Any = None
+    node, key = value, None
     while isinstance(node, dict | list) and node and (parent is None or rng.random() < 0.8):
         parent, key = node, _choice(list(node) if isinstance(node, dict) else list(range(len(node))), rng)
         node = parent[key]

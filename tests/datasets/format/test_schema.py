@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import zarr
-from tests.support.axes import arrays_of, assert_axes_are_named
+from tests.support.axes import arrays_of, assert_axes_are_named, axes_of
 from tests.support.factories import make_attempt, make_header, record
 
 from handsight.datasets import GraspDataset, GraspRepository
@@ -27,4 +27,4 @@ def test_every_axis_has_a_name(repository: GraspRepository) -> None:
     assert_axes_are_named(root)
     session = root[f"sessions/{writer.session}"]
     assert isinstance(session, zarr.Group)
-    assert {path: array.metadata.dimension_names for path, array in arrays_of(session).items()} == SESSION_AXES
+    assert {path: axes_of(array) for path, array in arrays_of(session).items()} == SESSION_AXES
