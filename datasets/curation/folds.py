@@ -256,7 +256,7 @@ def _write(root: zarr.Group, folds: Folds) -> None:
         "author": folds.author,
     }
     group = parent.create_group(folds.name, attributes=attributes)
-    create_array(group, "attempt", dtype="uint8", row=(KEY_BYTES,), rows=_CHUNK_ROWS)
-    create_array(group, "fold", dtype="uint8", row=(), rows=_CHUNK_ROWS)
+    create_array(group, "attempt", dtype="uint8", row=(KEY_BYTES,), axes=("member", "key_byte"), rows=_CHUNK_ROWS)
+    create_array(group, "fold", dtype="uint8", row=(), axes=("member",), rows=_CHUNK_ROWS)
     append_rows(array_at(group, "attempt"), keys_from_ids(folds.fold.index.tolist()))
     append_rows(array_at(group, "fold"), folds.fold.to_numpy(np.uint8))

@@ -10,8 +10,9 @@ from typing import Any
 
 from handsight.datasets.address import DEFAULT_REF, Location, S3Prefix, location_of
 from handsight.datasets.atomic import atomic_folder
-from handsight.datasets.errors import InterchangeError
+from handsight.datasets.errors import DatasetError, InterchangeError, StorageError, headline
 from handsight.datasets.exchange.formats import format_named, format_of
+from handsight.datasets.exchange.places import refuse_source, refuse_target, staying_in_place
 from handsight.datasets.exchange.transfer import TransferReport, transfer
 from handsight.datasets.held import HeldFolder
 from handsight.datasets.reading.reader import GraspDataset
@@ -43,13 +44,14 @@ def export_dataset(
         on_attempt: Called for every attempt written.
 
     Raises:
-        InterchangeError: The format cannot be written, or something is at the target.
+        InterchangeError: The format cannot be written, something is at the target, or it is inside a dataset.
         CorruptDataError: An attempt is damaged; the message names it.
+        StorageError: The target cannot be written, for instance because the disk is full.
     """
     chosen, path = format_named(format), Path(target)
     if chosen.write is None:
         raise InterchangeError(f"format {format!r} is only imported: choose another")
-    with whole_or_absent(path) as unfinished:
+    with _writing_to(path), whole_or_absent(path) as unfinished:
         chosen.write(dataset, unfinished, on_attempt or _nothing)
 
 
@@ -86,6 +88,7 @@ def import_dataset(
         InterchangeError: The source is in no known format or is malformed, or the map is.
     """
     path, location = Path(source), location_of(target)
+    refuse_source(path)
     if map is not None and format is not None:
         raise InterchangeError(
             f"format {format!r} and a map are given: a map says itself what the set is; leave one out"
@@ -117,14 +120,26 @@ def import_dataset(
 
 
 @contextmanager
+def _writing_to(target: Path) -> Iterator[None]:
+    """Turn what the system says against writing somewhere into ``StorageError``."""
+    try:
+        yield
+    except DatasetError:
+        raise
+    except OSError as error:
+        raise StorageError(
+            f"cannot write {target}: {error.strerror or headline(error)}; make room there, or choose another place"
+        ) from error
+
+
+@contextmanager
 def whole_or_absent(target: Path) -> Iterator[Path]:
     """A path to write to that becomes ``target`` at the end, unless the block fails, which leaves nothing.
 
     Raises:
-        InterchangeError: Something is at the target.
+        InterchangeError: Something is at the target, or it is inside a dataset.
     """
-    if target.exists() or target.is_symlink():
-        raise InterchangeError(f"there is something at {target} already: choose another path, or move it away")
+    refuse_target(target)
     target.parent.mkdir(parents=True, exist_ok=True)
     with atomic_folder(target) as unfinished:
         yield unfinished
@@ -138,9 +153,11 @@ def _destination(path: Location, *, dry_run: bool) -> Iterator[GraspRepository]:
         yield GraspRepository.open(path)
         return
     if path.exists():
-        yield GraspRepository.open(path)
+        with staying_in_place(path):
+            yield GraspRepository.open(path)
         return
     if dry_run:
+        refuse_target(path)
         with HeldFolder("handsight-dry-run-") as folder:
             yield GraspRepository.create(folder / "dataset")
         return

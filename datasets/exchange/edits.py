@@ -7,7 +7,7 @@ file. What no decision can hold is refused.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 
@@ -115,9 +115,9 @@ def decisions_of(
     labels, exclusions = overlay.labels, overlay.exclusions.index
     names = {label: [one for one, given in edits.labels.items() if given is label] for label in (True, False)}
     # An edit gives the label that was not recorded, so the recorded one holds where nobody has relabelled.
-    groups = (
+    groups: tuple[tuple[Action, int | None, Collection[str], Callable[[str], bool]], ...] = (
         (Action.RELABEL, 1, names[True], lambda one: not labels.get(one, False)),
-        (Action.RELABEL, 0, names[False], lambda one: labels.get(one, True)),
+        (Action.RELABEL, 0, names[False], lambda one: bool(labels.get(one, True))),
         (Action.EXCLUDE, None, edits.excluded, lambda one: one not in exclusions),
         (Action.RESTORE, None, edits.restored, lambda one: one in exclusions),
     )

@@ -79,10 +79,8 @@ def format_of(path: Path) -> Format:
     """The format that a path holds.
 
     Raises:
-        InterchangeError: Nothing is there, or it looks like none of the formats.
+        InterchangeError: It looks like none of the formats.
     """
-    if not path.exists():
-        raise InterchangeError(f"there is nothing at {path} to import: check the path")
     for one in FORMATS:
         if one.recognises(path):
             return one

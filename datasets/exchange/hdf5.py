@@ -21,6 +21,7 @@ What robomimic does not read (`handsight`, `sessions`, `decisions`) is what brin
 
 from __future__ import annotations
 
+import errno
 import json
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -34,7 +35,7 @@ import numpy as np
 import zarr
 from numpy.typing import NDArray
 
-from handsight.datasets.errors import CorruptDataError, InterchangeError, counted
+from handsight.datasets.errors import CorruptDataError, InterchangeError, counted, headline
 from handsight.datasets.exchange.bundle import (
     Bundle,
     decisions_from_json,
@@ -43,7 +44,10 @@ from handsight.datasets.exchange.bundle import (
     refuse_incomplete,
     schema_of_origin,
 )
+from handsight.datasets.exchange.foreign import guarded, of_the_machine, understood
 from handsight.datasets.exchange.hdf5_edits import edits_of
+from handsight.datasets.exchange.hdf5_file import new_hdf5_file
+from handsight.datasets.exchange.hdf5_probe import refuse_unreadable
 from handsight.datasets.exchange.sources import SessionSource, checked_source, stored_sources
 from handsight.datasets.format.arrays import array_at, group_at, read_rows
 from handsight.datasets.format.rows import frame_of, from_row
@@ -53,6 +57,8 @@ from handsight.datasets.reading.reader import GraspDataset
 from handsight.datasets.records import GraspAttempt, RgbdFrame, SessionHeader
 
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
+_LOCKED = (errno.EAGAIN, errno.EWOULDBLOCK)
+_MOST_TEXT_BYTES = 2**24
 _PACKING = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
 """Lossless. Higher levels take several times as long for a few per cent."""
 
@@ -71,7 +77,8 @@ def write(dataset: GraspDataset, path: Path, on_attempt: Callable[[], None]) -> 
     excluded = set(dataset.overlay.exclusions.index)
     masks: dict[str, list[str]] = {"labelled": [], "excluded": []}
     demo = 0
-    with h5py.File(path, "x") as file:
+    with new_hdf5_file(path) as new:
+        file = new.root
         file.attrs["handsight"] = json.dumps(origin_of(dataset))
         file["decisions"] = decisions_to_json(dataset.overlay.decisions)
         data, _ = file.create_group("data"), file.create_group(SESSIONS)
@@ -83,6 +90,7 @@ def write(dataset: GraspDataset, path: Path, on_attempt: Callable[[], None]) -> 
                 masks["labelled"] += [name] if attempt.labelled else []
                 masks["excluded"] += [name] if identity in excluded else []
                 demo += 1
+                new.check()
                 on_attempt()
         data.attrs["total"] = demo
         data.attrs["env_args"] = json.dumps({"env_name": "handsight", "type": 2, "env_kwargs": {}})
@@ -95,26 +103,38 @@ def open_bundle(path: Path) -> Iterator[Bundle]:
     """Open a file for import.
 
     Raises:
-        InterchangeError: The file is truncated, foreign, newer, or holds links.
+        InterchangeError: The file is truncated, foreign, newer, changed, open elsewhere, or holds links.
+        StorageError: It cannot be read.
     """
-    try:
-        file = h5py.File(path, "r")
-    except OSError as error:
-        raise InterchangeError(f"{path} cannot be opened as HDF5 ({error}): take an undamaged copy") from error
-    with file:
-        try:
-            _refuse_links(file, path)
+    refuse_unreadable(path)
+    with _opened(path) as file:
+        with understood(path, "was not exported by handsight, or is damaged"):
+            _refuse_links(file, path, set())
             origin = json.loads(file.attrs.get("handsight", "{}"))
             schema = schema_of_origin(origin, path)
             sessions = [_source(file, ulid, path, schema) for ulid in sorted(_group(file, SESSIONS, path))]
             refuse_incomplete(origin, sessions, path)
-            decisions = decisions_from_json(file["decisions"].asstr()[()], path)
+            decisions = decisions_from_json(_text(file, "decisions", path), path)
             edits = edits_of(file, sessions, decisions, path.name)
-        except (KeyError, ValueError, TypeError, OSError, RuntimeError) as error:
-            if isinstance(error, InterchangeError):
-                raise
-            raise InterchangeError(f"{path} was not exported by handsight, or is damaged: {error}") from error
-        yield Bundle(sessions=sessions, decisions=decisions, edits=edits)
+        yield Bundle(sessions=guarded(sessions, path), decisions=decisions, edits=edits)
+
+
+def _opened(path: Path) -> h5py.File:
+    try:
+        return h5py.File(path, "r")
+    except OSError as error:
+        if error.errno in _LOCKED:
+            raise InterchangeError(f"{path} is open for writing in another program: close it there") from error
+        if trouble := of_the_machine(path, error):
+            raise trouble from error
+        if "already open for write" in str(error) or "consistency flags" in str(error):
+            raise InterchangeError(
+                f"{path} was not closed by the program that wrote it: close it there, or if that has ended without "
+                f"closing it, run 'h5clear -s {path}' and check what it holds"
+            ) from error
+        raise InterchangeError(
+            f"{path} cannot be opened as HDF5 ({headline(error)}): take an undamaged copy"
+        ) from error
 
 
 def _write_session(file: h5py.File, source: SessionSource, attempts: zarr.Group, *, first_demo: int) -> None:
@@ -145,7 +165,7 @@ def _write_demo(demo: h5py.Group, attempt: GraspAttempt, identity: str) -> None:
 
 def _source(file: h5py.File, ulid: str, path: Path, schema: int) -> SessionSource:
     group = _group(file, f"{SESSIONS}/{ulid}", path)
-    attributes = current_attributes(json.loads(group["attributes"].asstr()[()]), schema)
+    attributes = current_attributes(json.loads(_text(group, "attributes", path)), schema)
     size, demos = len(group["columns/number"]), len(_group(file, "data", path))
     if size > demos:
         # Before any column is read: a few bytes suffice to claim any number of rows.
@@ -206,6 +226,15 @@ def _group(file: h5py.File, name: str, where: object) -> h5py.Group:
     return node
 
 
+def _text(group: h5py.Group, name: str, where: object) -> str:
+    """One text."""
+    node = group.get(name)
+    kind = h5py.check_string_dtype(node.dtype) if isinstance(node, h5py.Dataset) else None
+    if kind is None or node.shape != () or (kind.length or 0) > _MOST_TEXT_BYTES:
+        raise InterchangeError(f"{where}: {group.name}/{name} is no text, expected what handsight exports")
+    return str(node.asstr()[()])
+
+
 def _array(group: h5py.Group, name: str, dtype: str, shape: tuple[int, ...], where: object) -> NDArray[Any]:
     """A whole dataset whose type and shape are known, so that a file cannot ask for more memory than it should."""
     node = group.get(name)
@@ -215,14 +244,19 @@ def _array(group: h5py.Group, name: str, dtype: str, shape: tuple[int, ...], whe
     return np.asarray(node[()])
 
 
-def _refuse_links(group: h5py.Group, path: Path) -> None:
-    """Refuse whatever could reach outside the file, or round in circles inside it."""
+def _refuse_links(group: h5py.Group, path: Path, seen: set[int]) -> None:
+    """Refuse whatever could reach outside the file, or round in circles inside it; ``seen`` is what was met so far."""
     for name in group:
         link = group.get(name, getlink=True)
+        where = f"{group.name.rstrip('/')}/{name}"
         if not isinstance(link, h5py.HardLink):
-            raise InterchangeError(f"{path} holds a link at {group.name}/{name}: links are not followed; remove it")
+            raise InterchangeError(f"{path} holds a link at {where}: links are not followed; remove it")
         node = group[name]
+        place = h5py.h5o.get_info(node.id).addr
+        if place in seen:
+            raise InterchangeError(f"{path} holds {where} under another name too: keep one of the two")
+        seen.add(place)
         if isinstance(node, h5py.Dataset) and (node.external or node.is_virtual):
-            raise InterchangeError(f"{path} keeps the data of {node.name} in other files: repack it with h5repack")
+            raise InterchangeError(f"{path} keeps the data of {where} in other files: repack it with h5repack")
         if isinstance(node, h5py.Group):
-            _refuse_links(node, path)
+            _refuse_links(node, path, seen)

@@ -66,7 +66,7 @@ def open_bundle(path: Path) -> Iterator[Bundle]:
     try:
         origin = json.loads((path / SIDE / "origin.json").read_text())
         schema = schema_of_origin(origin, path)
-        ulids = sorted(file.stem for file in (path / SIDE).glob("*.npz"))
+        ulids = sorted(file.stem for file in (path / SIDE).glob("[!.]*.npz"))
         sessions = [_source(path, ulid, schema) for ulid in ulids]
         refuse_incomplete(origin, sessions, path)
         decisions = decisions_from_json(origin["decisions"], path)

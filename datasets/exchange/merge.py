@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 
 from handsight.datasets.address import DEFAULT_REF
 from handsight.datasets.errors import SessionNotFoundError, counted
+from handsight.datasets.exchange.places import staying_in_place
 from handsight.datasets.exchange.sources import stored_sources
 from handsight.datasets.exchange.transfer import TransferReport, transfer
 from handsight.datasets.reading.reader import GraspDataset
@@ -41,6 +42,7 @@ def merge(
         SessionNotFoundError: The source has no such session; the message lists all that are missing.
         MergeError: Sessions do not fit the target; the message lists every fault.
         CorruptDataError: An attempt of the source is damaged.
+        StorageError: The target was moved meanwhile.
     """
     root = source.root
     available = {session.ulid: session for session in stored_sources(root)}
@@ -51,14 +53,15 @@ def merge(
             f"{source.repository.path}@{source.ref} has no session {', '.join(missing)} "
             f"({counted(len(available), 'session')}): see 'handsight dataset info'"
         )
-    return transfer(
-        target,
-        [available[ulid] for ulid in wanted],
-        decisions=source.overlay.decisions,
-        branch=branch,
-        message=f"merge {counted(len(wanted), 'session')} of {source.repository.path}@{source.ref}",
-        allow_mismatch=allow_mismatch,
-        dry_run=dry_run,
-        on_total=on_total,
-        on_attempt=on_attempt,
-    )
+    with staying_in_place(target.path):
+        return transfer(
+            target,
+            [available[ulid] for ulid in wanted],
+            decisions=source.overlay.decisions,
+            branch=branch,
+            message=f"merge {counted(len(wanted), 'session')} of {source.repository.path}@{source.ref}",
+            allow_mismatch=allow_mismatch,
+            dry_run=dry_run,
+            on_total=on_total,
+            on_attempt=on_attempt,
+        )

@@ -45,6 +45,8 @@ _NO_VALUE = -1
 _TARGET_CHUNK_ROWS = 4096
 _FACTS, _REASON, _AUTHOR = "decisions/facts", "decisions/reason", "decisions/author"
 _TARGETS = "targets/attempt"
+DECISION_ARRAYS = (_FACTS, _REASON, _AUTHOR, _TARGETS)
+"""Paths in the group of the arrays that hold them."""
 
 
 class Action(IntEnum):
@@ -203,7 +205,11 @@ def append_decision(root: zarr.Group, decision: Decision) -> None:
 def _create(root: zarr.Group) -> None:
     group = root.create_group(CURATION)
     decisions, targets = group.create_group("decisions"), group.create_group("targets")
-    create_array(decisions, "facts", dtype="int64", row=(4,), attributes={"unit": "1, 1, ns, 1"})
-    create_array(decisions, "reason", dtype="uint8", row=(REASON_BYTES,))
-    create_array(decisions, "author", dtype="uint8", row=(AUTHOR_BYTES,))
-    create_array(targets, "attempt", dtype="uint8", row=(KEY_BYTES,), rows=_TARGET_CHUNK_ROWS)
+    create_array(
+        decisions, "facts", dtype="int64", row=(4,), axes=("decision", "fact"), attributes={"unit": "1, 1, ns, 1"}
+    )
+    create_array(decisions, "reason", dtype="uint8", row=(REASON_BYTES,), axes=("decision", "reason_byte"))
+    create_array(decisions, "author", dtype="uint8", row=(AUTHOR_BYTES,), axes=("decision", "author_byte"))
+    create_array(
+        targets, "attempt", dtype="uint8", row=(KEY_BYTES,), axes=("target", "key_byte"), rows=_TARGET_CHUNK_ROWS
+    )

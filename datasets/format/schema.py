@@ -17,7 +17,7 @@ alone, which never changes. Every array ends its codecs with crc32c: blosc and z
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple, get_args
 
@@ -67,6 +67,8 @@ class Column:
     dtype: str
     shape: Callable[[ColumnWidths], tuple[int, ...]] = lambda widths: ()
     """Shape of one row, from the widths of the session."""
+    axes: tuple[str, ...] = ()
+    """Names of the axes of one row."""
     unit: str = ""
     fill: float | int | bool = 0
     """What a slot holds that belongs to nothing, such as the second object of a scene with one."""
@@ -87,12 +89,14 @@ COLUMNS = (
         name="failure",
         dtype="uint8",
         shape=lambda widths: (FAILURE_BYTES,),
+        axes=("failure_byte",),
         description="'phase: reason' in UTF-8, padded with zeros; empty where the attempt ran to its end.",
     ),
     Column(
         name="picture_taken",
         dtype="bool",
         shape=lambda widths: (len(VIEWPOINTS),),
+        axes=("viewpoint",),
         fill=False,
         description=f"Whether there is a picture: {', '.join(VIEWPOINTS)}.",
     ),
@@ -100,6 +104,7 @@ COLUMNS = (
         name="pregrasp_x_y_angle",
         dtype="float64",
         shape=lambda widths: (3,),
+        axes=("x_y_angle",),
         unit="m, m, rad",
         fill=_NAN,
         description="The pre-grasp pose commanded, in the base frame.",
@@ -115,6 +120,7 @@ COLUMNS = (
         name="pose_base_tool_grasp",
         dtype="float64",
         shape=lambda widths: (4, 4),
+        axes=("pose_row", "pose_column"),
         unit="m",
         fill=_NAN,
         description="Tool pose measured when the jaws closed; NaN when they did not.",
@@ -130,6 +136,7 @@ COLUMNS = (
         name="gripper_width_m",
         dtype="float64",
         shape=lambda widths: (4,),
+        axes=("grasp_stage",),
         unit="m",
         fill=_NAN,
         description="Jaw opening before, closed, lifted and final; NaN where the attempt never got there.",
@@ -140,6 +147,7 @@ COLUMNS = (
         name="catalogue_index",
         dtype="int16",
         shape=lambda widths: (widths.objects,),
+        axes=("object",),
         fill=-1,
         digested=False,
         description="Index of each object in the session's catalogue. The digest takes the names instead.",
@@ -148,6 +156,7 @@ COLUMNS = (
         name="pose_base_object",
         dtype="float64",
         shape=lambda widths: (widths.objects, 7),
+        axes=("object", "position_quaternion"),
         unit="m, 1",
         fill=_NAN,
         description="Position and quaternion, as x y z qx qy qz qw, when the overhead picture was taken.",
@@ -157,6 +166,7 @@ COLUMNS = (
         dtype="float64",
         since=2,
         shape=lambda widths: (widths.conditions,),
+        axes=("condition",),
         fill=_NAN,
         description="Values of the session's named conditions, varied from attempt to attempt.",
     ),
@@ -165,6 +175,7 @@ COLUMNS = (
         name="phase_s",
         dtype="float32",
         shape=lambda widths: (len(PHASES),),
+        axes=("phase",),
         unit="s",
         fill=_NAN,
         description=f"Duration of {', '.join(PHASES)} in the station's own time.",
@@ -173,6 +184,7 @@ COLUMNS = (
         name="started_elapsed_ns",
         dtype="int64",
         shape=lambda widths: (2,),
+        axes=("start_duration",),
         unit="ns",
         digested=False,
         description="Wall clock at the start, since the epoch, and wall time taken.",
@@ -181,6 +193,7 @@ COLUMNS = (
         name="digest",
         dtype="uint8",
         shape=lambda widths: (32,),
+        axes=("digest_byte",),
         digested=False,
         description="SHA-256 of the attempt's content, see digest.py.",
     ),
@@ -228,6 +241,19 @@ def attempt_number(digits: str) -> int | None:
     return int(digits)
 
 
+_FRAME_AXES = {
+    "rgb": ("row", "column", "colour"),
+    "depth": ("row", "column"),
+    "pose_base_tool": ("pose_row", "pose_column"),
+}
+
+SESSION_AXES: dict[str, tuple[str, ...]] = {
+    **{f"{viewpoint}/{name}": ("attempt", *axes) for viewpoint in VIEWPOINTS for name, axes in _FRAME_AXES.items()},
+    **{f"attempts/{column.name}": ("attempt", *column.axes) for column in COLUMNS},
+}
+"""Names of the axes of every array of a session, by its path in the session's group."""
+
+
 def create_arrays(session: zarr.Group, header: SessionHeader, *, column_rows: int = COLUMN_CHUNK_ROWS) -> None:
     """Create the empty arrays of a session, with ``column_rows`` rows in one chunk of a column."""
     intrinsics = header.station.camera.intrinsics
@@ -237,7 +263,9 @@ def create_arrays(session: zarr.Group, header: SessionHeader, *, column_rows: in
         create_rgb(group, "rgb", frame=frame)
         create_depth(group, "depth", frame=frame)
         pose = {"unit": "m"}
-        create_array(group, "pose_base_tool", dtype="float64", row=(4, 4), rows=column_rows, fill=_NAN, attributes=pose)
+        axes = ("attempt", *_FRAME_AXES["pose_base_tool"])
+        kept: dict[str, Any] = {"rows": column_rows, "fill": _NAN, "attributes": pose}
+        create_array(group, "pose_base_tool", dtype="float64", row=(4, 4), axes=axes, **kept)
     attempts = session.create_group("attempts")
     for column in COLUMNS:
         create_column(attempts, column, column_widths(header), rows=column_rows)
@@ -250,6 +278,7 @@ def create_column(attempts: zarr.Group, column: Column, widths: ColumnWidths, *,
         column.name,
         dtype=column.dtype,
         row=column.shape(widths),
+        axes=("attempt", *column.axes),
         rows=rows,
         fill=column.fill,
         attributes={"unit": column.unit, "description": column.description},
@@ -269,7 +298,15 @@ def create_rgb(group: zarr.Group, name: str, *, frame: tuple[int, int]) -> None:
         # and NumPy sums them up four times as fast.
         filters = (TransposeCodec(order=(0, 1, 3, 2)), Delta(dtype="|i1"))
     compressor = ZstdCodec(level=1)
-    _create(group, name, dtype="uint8", chunk=(1, *frame, 3), filters=filters, compressor=compressor)
+    _create(
+        group,
+        name,
+        dtype="uint8",
+        chunk=(1, *frame, 3),
+        axes=("attempt", *_FRAME_AXES["rgb"]),
+        filters=filters,
+        compressor=compressor,
+    )
 
 
 def create_depth(group: zarr.Group, name: str, *, frame: tuple[int, int]) -> None:
@@ -278,7 +315,15 @@ def create_depth(group: zarr.Group, name: str, *, frame: tuple[int, int]) -> Non
     # One block for the whole frame: what repeats is found wherever it was before.
     blosc = BloscCodec(typesize=2, cname="zstd", clevel=1, shuffle="shuffle", blocksize=2 * height * width)
     unit = {"unit": "depth_scale_m"}
-    _create(group, name, dtype="uint16", chunk=(1, *frame), compressor=blosc, attributes=unit)
+    _create(
+        group,
+        name,
+        dtype="uint16",
+        chunk=(1, *frame),
+        axes=("attempt", *_FRAME_AXES["depth"]),
+        compressor=blosc,
+        attributes=unit,
+    )
 
 
 def create_array(
@@ -287,13 +332,18 @@ def create_array(
     *,
     dtype: str,
     row: tuple[int, ...],
+    axes: Sequence[str],
     rows: int = COLUMN_CHUNK_ROWS,
     fill: float | int | bool = 0,
     attributes: dict[str, Any] | None = None,
 ) -> None:
-    """Create an array without rows: compressed without loss, checksummed, ``rows`` rows of shape ``row`` in a chunk."""
+    """Create an array without rows: compressed without loss, checksummed, ``rows`` rows of shape ``row`` in a chunk.
+
+    ``axes`` names every axis, that of the rows first. Within a group one name stands for one length, and none is that
+    of an array with several axes: xarray wants it so.
+    """
     blosc = BloscCodec(typesize=np.dtype(dtype).itemsize, cname="zstd", clevel=3, shuffle="shuffle")
-    _create(group, name, dtype=dtype, chunk=(rows, *row), compressor=blosc, fill=fill, attributes=attributes)
+    _create(group, name, dtype=dtype, chunk=(rows, *row), axes=axes, compressor=blosc, fill=fill, attributes=attributes)
 
 
 def _create(
@@ -302,6 +352,7 @@ def _create(
     *,
     dtype: str,
     chunk: tuple[int, ...],
+    axes: Sequence[str],
     compressor: BytesBytesCodec,
     filters: tuple[ArrayArrayCodec, ...] = (),
     fill: float | int | bool = 0,
@@ -315,5 +366,6 @@ def _create(
         filters=filters,
         compressors=(compressor, Crc32cCodec()),
         fill_value=fill,
+        dimension_names=axes,
         attributes=attributes,
     )

@@ -30,6 +30,7 @@ from handsight.datasets.format.rows import frame_of, to_row
 from handsight.datasets.format.schema import (
     COLUMN_CHUNK_ROWS,
     COLUMNS,
+    SESSION_AXES,
     VIEWPOINTS,
     Viewpoint,
     column_widths,
@@ -148,7 +149,14 @@ def rechunk_columns(group: zarr.Group, rows: int) -> None:
         parent, attributes, fill = group_at(group, folder), old.attrs.asdict(), old.fill_value
         del parent[name]
         create_array(
-            parent, name, dtype=old.dtype.name, row=values.shape[1:], rows=rows, fill=fill, attributes=attributes
+            parent,
+            name,
+            dtype=old.dtype.name,
+            row=values.shape[1:],
+            axes=SESSION_AXES[path],
+            rows=rows,
+            fill=fill,
+            attributes=attributes,
         )
         append_rows(array_at(group, path), values)
 

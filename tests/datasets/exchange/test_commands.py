@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 from tests.support.factories import difference, make_attempt, make_header, record
+from tests.support.small_disk import files_of_at_most
 
 from handsight.datasets import (
     EXPORT_FORMATS,
@@ -14,6 +15,7 @@ from handsight.datasets import (
     InterchangeError,
     MergeError,
     Outcome,
+    StorageError,
     export_dataset,
     import_dataset,
 )
@@ -81,6 +83,19 @@ def test_an_export_never_overwrites_and_a_failed_one_leaves_nothing(
     with pytest.raises(KeyboardInterrupt):
         export_dataset(dataset, tmp_path / "new" / "out", format=name, on_attempt=stop)
     assert list((tmp_path / "new").iterdir()) == []
+
+
+@pytest.mark.parametrize("size", [100, 3000, 20_000])
+@pytest.mark.parametrize("name", EXPORT_FORMATS)
+def test_a_full_disk_is_a_storage_error_and_leaves_nothing(
+    repository: GraspRepository, tmp_path: Path, name: str, size: int
+) -> None:
+    header = make_header(seed=1, width=160, height=120)
+    record(repository, header, [make_attempt(header, number, outcome=Outcome.HELD) for number in range(3)])
+    version = GraspDataset(repository, ref="main")
+    with files_of_at_most(size), pytest.raises(StorageError, match=r"cannot write .*/out: .*[Ff]ile too large"):
+        export_dataset(version, tmp_path / "out", format=name)
+    assert [path.name for path in tmp_path.iterdir()] == ["grasps"]
 
 
 def test_formats_are_named_and_told_apart(dataset: GraspDataset, tmp_path: Path) -> None:

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
+import resource
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -17,9 +21,11 @@ from handsight.datasets import (
     GraspDataset,
     GraspRepository,
     InterchangeError,
+    StorageError,
     export_dataset,
     import_dataset,
 )
+from handsight.datasets.exchange import hdf5
 
 
 def test_hdf5_reads_as_robomimic_does(dataset: GraspDataset, tmp_path: Path) -> None:
@@ -78,6 +84,20 @@ def _claim_pixels(card: dict[str, Any]) -> None:
     card["header"]["station"]["camera"]["intrinsics"].update(width=10**6, height=10**6)
 
 
+def _claim_text(file: h5py.File) -> None:
+    del file["decisions"]
+    file.create_dataset("decisions", shape=(10**9,), dtype=h5py.string_dtype(), chunks=(1024,))
+
+
+def _branch(file: h5py.File) -> None:
+    """Two ways from every group to the next: few bytes, and more paths than can be walked."""
+    group = file
+    for _ in range(40):
+        below = group.create_group("left")
+        group["right"] = below
+        group = below
+
+
 BAD_HDF5: dict[str, tuple[Callable[[Path], object], str]] = {
     "truncated": (lambda path: os.truncate(path, path.stat().st_size // 2), "cannot be opened as HDF5"),
     "foreign": (edited_hdf5(lambda file: file.attrs.pop("handsight")), "schema version None"),
@@ -95,6 +115,10 @@ BAD_HDF5: dict[str, tuple[Callable[[Path], object], str]] = {
         edited_hdf5(lambda file: file.create_dataset("x", (1,), "u1", external=[("/etc/passwd", 0, 1)])),
         "in other files",
     ),
+    "two names": (edited_hdf5(lambda file: file["data"].__setitem__("x", file["data"])), "under another name too"),
+    "endless paths": (edited_hdf5(_branch), "under another name too"),
+    "no object": (edited_hdf5(lambda file: file.attrs.modify("handsight", "[]")), "schema version None"),
+    "a bomb of text": (edited_hdf5(_claim_text), "decisions is no text"),
     "no sessions": (edited_hdf5(lambda file: file.__delitem__("sessions")), "no group sessions"),
     "session name": (
         edited_hdf5(lambda file: file.move(f"sessions/{min(file['sessions'])}", "sessions/up")),
@@ -144,3 +168,34 @@ def test_a_bad_file_is_refused_and_leaves_nothing(dataset: GraspDataset, tmp_pat
     assert not (tmp_path / "new").exists()
     assert target.resolve("main") == before
     assert sorted(path.name for path in tmp_path.iterdir()) == ["grasps", "out", "target"]
+
+
+def test_a_file_that_is_open_for_writing_elsewhere_says_so(dataset: GraspDataset, tmp_path: Path) -> None:
+    export_dataset(dataset, tmp_path / "out", format="hdf5")
+    # Another process: within one, the library shares what is open.
+    writer = "import h5py, sys; file = h5py.File(sys.argv[1], 'r+'); print('open', flush=True); sys.stdin.read()"
+    words = [sys.executable, "-P", "-c", writer, str(tmp_path / "out")]
+    with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as other:
+        assert other.stdout is not None
+        assert other.stdout.readline() == b"open\n"
+        with pytest.raises(InterchangeError, match="is open for writing in another program"):
+            import_dataset(tmp_path / "out", tmp_path / "new")
+        other.communicate()
+    import_dataset(tmp_path / "out", tmp_path / "new")
+
+
+def test_a_file_that_cannot_be_read_is_not_called_damaged(dataset: GraspDataset, tmp_path: Path) -> None:
+    export_dataset(dataset, tmp_path / "out", format="hdf5")
+    number = resource.getrlimit(resource.RLIMIT_NOFILE)
+    held: list[int] = []
+    resource.setrlimit(resource.RLIMIT_NOFILE, (256, number[1]))
+    try:
+        with contextlib.suppress(OSError):
+            while True:
+                held.append(os.open(tmp_path / "out", os.O_RDONLY))
+        with pytest.raises(StorageError, match="Too many open files; nothing is known of its content"):
+            hdf5.open_bundle(tmp_path / "out").__enter__()
+    finally:
+        for descriptor in held:
+            os.close(descriptor)
+        resource.setrlimit(resource.RLIMIT_NOFILE, number)

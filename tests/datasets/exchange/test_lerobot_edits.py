@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 import pytest
@@ -11,7 +12,7 @@ import pytest
 from handsight.datasets import GraspDataset, InterchangeError, export_dataset, import_dataset
 
 
-def change(name: str, value: object, *, row: int = 2) -> Callable[[pd.DataFrame], pd.DataFrame]:
+def change(name: str, value: Any, *, row: int = 2) -> Callable[[pd.DataFrame], pd.DataFrame]:
     def apply(table: pd.DataFrame) -> pd.DataFrame:
         table.at[row, name] = value
         return table

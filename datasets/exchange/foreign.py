@@ -1,0 +1,97 @@
+"""Whatever libraries raise while they read what somebody else may have written, as errors of this room."""
+
+from __future__ import annotations
+
+import errno
+import os
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+from handsight.datasets.errors import CorruptDataError, DatasetError, InterchangeError, StorageError, headline
+from handsight.datasets.exchange.sources import SessionSource
+from handsight.datasets.format.schema import attempt_id
+from handsight.datasets.records import GraspAttempt
+
+NOT_UNDERSTOOD = (
+    ArithmeticError,
+    AssertionError,
+    AttributeError,
+    LookupError,
+    OSError,
+    RuntimeError,
+    TypeError,
+    ValueError,
+)
+"""What readers raise for values of another type, beyond their range, or missing."""
+
+_MACHINE = {
+    *(errno.EACCES, errno.EPERM, errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.EIO, errno.ENOSPC, errno.ESTALE),
+    *(errno.ETIMEDOUT, errno.EDQUOT, errno.EROFS),
+}
+_FAULTS_NAMED = 5
+
+
+@contextmanager
+def understood(path: Path, failure: str) -> Iterator[None]:
+    """Turn errors of readers into those of this room; ``failure`` goes before what they say.
+
+    Raises:
+        StorageError: The machine could not read.
+        InterchangeError: It did, and what was read cannot be.
+    """
+    try:
+        yield
+    except DatasetError:
+        raise
+    except NOT_UNDERSTOOD as error:
+        if trouble := of_the_machine(path, error):
+            raise trouble from error
+        what = headline(error) if isinstance(error, OSError) else f"{type(error).__name__}: {headline(error)}"
+        raise InterchangeError(f"{path} {failure}: {what}") from error
+
+
+def of_the_machine(path: Path, error: Exception) -> StorageError | None:
+    """The error of a machine that could not read; None where something was read and is wrong."""
+    if isinstance(error, OSError) and error.errno is not None and error.errno in _MACHINE:
+        # h5py puts its own words into strerror.
+        reason = os.strerror(error.errno)
+        return StorageError(
+            f"{path} cannot be read: {reason}; nothing is known of its content: mend that and try again"
+        )
+    return None
+
+
+def guarded(sources: Sequence[SessionSource], path: Path) -> list[SessionSource]:
+    """Sources whose attempts raise nothing but errors of this room."""
+
+    def attempts(ulid: str, read: Callable[[], Iterator[GraspAttempt]]) -> Iterator[GraspAttempt]:
+        number = 0
+        try:
+            for attempt in read():
+                yield attempt
+                number += 1
+        except DatasetError:
+            raise
+        except NOT_UNDERSTOOD as error:
+            if trouble := of_the_machine(path, error):
+                raise trouble from error
+            raise CorruptDataError(
+                f"attempt {attempt_id(ulid, number)} cannot be read from {path}: {type(error).__name__}: "
+                f"{headline(error)}; take an undamaged copy"
+            ) from error
+
+    return [replace(source, attempts=partial(attempts, source.ulid, source.attempts)) for source in sources]
+
+
+def refuse(path: Path, faults: Sequence[str]) -> None:
+    """Refuse what has faults.
+
+    Raises:
+        InterchangeError: It has; the message lists the first.
+    """
+    if faults:
+        more = f"; and {len(faults) - _FAULTS_NAMED} more" if len(faults) > _FAULTS_NAMED else ""
+        raise InterchangeError(f"{path} cannot be imported: {'; '.join(faults[:_FAULTS_NAMED])}{more}")
