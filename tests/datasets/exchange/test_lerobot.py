@@ -85,7 +85,7 @@ BAD_LEROBOT: dict[str, tuple[Callable[[Path], None], str]] = {
     "foreign": (_foreign_lerobot, "lacks what handsight exports"),
     "truncated": (_truncate_data, "cannot be read from"),
     "pickle": (_pickle_column, "lacks what handsight exports"),
-    "session name": (_climb, "lacks what handsight exports"),
+    "session name": (_climb, "lacks what handsight exports|its 3 attempts in 1 session are not those"),
     "a bomb of rows": (_claim_rows, "claims 100000000000 attempts, and the data have 24 rows"),
     "depth between units": (_edited_rows(_lift), "not in whole units of 0.001 m: it was changed"),
     "another size": (_edited_rows(_enlarge), "a picture is 800x600, expected 8x6"),
