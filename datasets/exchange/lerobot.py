@@ -40,7 +40,7 @@ from handsight.datasets.exchange.bundle import (
     decisions_from_json,
     decisions_to_json,
     origin_of,
-    refuse_incomplete,
+    refuse_changed,
     refuse_linked,
     schema_of_origin,
 )
@@ -109,7 +109,7 @@ def open_bundle(path: Path) -> Iterator[Bundle]:
         schema = schema_of_origin(origin, path)
         ulids = sorted(file.stem for file in (path / _SIDE).glob("[!.]*.npz"))
         sessions = [_source(path, ulid, schema) for ulid in ulids]
-        refuse_incomplete(origin, sessions, path)
+        refuse_changed(origin, sessions, path)
         decisions = decisions_from_json(origin["decisions"], path)
         edits = edits_of(path, sessions)
     except (InterchangeError, CorruptDataError):
