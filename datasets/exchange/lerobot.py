@@ -107,7 +107,8 @@ def open_bundle(path: Path) -> Iterator[Bundle]:
     try:
         origin = json.loads((path / _SIDE / "origin.json").read_text())
         schema = schema_of_origin(origin, path)
-        ulids = sorted(file.stem for file in (path / _SIDE).glob("[!.]*.npz"))
+        files = [file for file in (path / _SIDE).glob("*.npz") if not file.name.startswith("._")]  # Of macOS.
+        ulids = sorted(file.stem for file in files)
         sessions = [_source(path, ulid, schema) for ulid in ulids]
         refuse_changed(origin, sessions, path)
         decisions = decisions_from_json(origin["decisions"], path)
