@@ -16,6 +16,7 @@ from handsight.datasets.exchange.sources import SessionSource
 from handsight.datasets.format.decisions import Action, Decision
 from handsight.datasets.format.digest import dataset_digest
 from handsight.datasets.format.schema import SCHEMA_VERSION, parse_attempt_id
+from handsight.datasets.format.sessions import attribute_damage
 from handsight.datasets.reading.reader import GraspDataset
 
 
@@ -67,12 +68,15 @@ def schema_of_origin(origin: object, where: object) -> int:
     return version
 
 
-def refuse_incomplete(origin: dict[str, Any], sessions: Sequence[SessionSource], where: Path) -> None:
-    """Refuse an export whose attempts are not all those that were exported, by their recorded digests.
+def refuse_changed(origin: dict[str, Any], sessions: Sequence[SessionSource], where: Path) -> None:
+    """Refuse an export whose sessions and attempts are not those that were exported, by their recorded digests.
 
     Raises:
-        InterchangeError: The digest of the version that was exported is another.
+        InterchangeError: What describes a session was changed, or the version that was exported had other attempts.
     """
+    changed = [f"session {one.ulid}: {fault}" for one in sessions for fault in attribute_damage(one.attributes)]
+    if changed:
+        raise InterchangeError(f"{where} was changed after it was exported: {'; '.join(changed[:5])}; export anew")
     attempts = sum(one.size for one in sessions)
     digest = dataset_digest(one for session in sessions for one in session.digests)
     if origin.get("digest", digest) != digest:

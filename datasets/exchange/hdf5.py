@@ -41,7 +41,7 @@ from handsight.datasets.exchange.bundle import (
     decisions_from_json,
     decisions_to_json,
     origin_of,
-    refuse_incomplete,
+    refuse_changed,
     schema_of_origin,
 )
 from handsight.datasets.exchange.foreign import guarded, of_the_machine, understood
@@ -113,7 +113,7 @@ def open_bundle(path: Path) -> Iterator[Bundle]:
             origin = json.loads(file.attrs.get("handsight", "{}"))
             schema = schema_of_origin(origin, path)
             sessions = [_source(file, ulid, path, schema) for ulid in sorted(_group(file, SESSIONS, path))]
-            refuse_incomplete(origin, sessions, path)
+            refuse_changed(origin, sessions, path)
             decisions = decisions_from_json(_text(file, "decisions", path), path)
             edits = edits_of(file, sessions, decisions, path.name)
         yield Bundle(sessions=guarded(sessions, path), decisions=decisions, edits=edits)

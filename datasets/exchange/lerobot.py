@@ -21,7 +21,7 @@ from handsight.datasets.errors import CorruptDataError, InterchangeError, counte
 from handsight.datasets.exchange.bundle import (
     Bundle,
     decisions_from_json,
-    refuse_incomplete,
+    refuse_changed,
     refuse_linked,
     schema_of_origin,
 )
@@ -66,9 +66,10 @@ def open_bundle(path: Path) -> Iterator[Bundle]:
     try:
         origin = json.loads((path / SIDE / "origin.json").read_text())
         schema = schema_of_origin(origin, path)
-        ulids = sorted(file.stem for file in (path / SIDE).glob("[!.]*.npz"))
+        files = [file for file in (path / SIDE).glob("*.npz") if not file.name.startswith("._")]  # Of macOS.
+        ulids = sorted(file.stem for file in files)
         sessions = [_source(path, ulid, schema) for ulid in ulids]
-        refuse_incomplete(origin, sessions, path)
+        refuse_changed(origin, sessions, path)
         decisions = decisions_from_json(origin["decisions"], path)
         edits = edits_of(path, sessions)
     except (InterchangeError, CorruptDataError):

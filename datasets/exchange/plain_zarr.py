@@ -25,7 +25,7 @@ from zarr.errors import ZarrUserWarning
 from zarr.storage import LocalStore
 
 from handsight.datasets.errors import CorruptDataError
-from handsight.datasets.exchange.bundle import Bundle, origin_of, refuse_incomplete, refuse_linked, schema_of_origin
+from handsight.datasets.exchange.bundle import Bundle, origin_of, refuse_changed, refuse_linked, schema_of_origin
 from handsight.datasets.exchange.foreign import guarded, refuse, understood
 from handsight.datasets.exchange.sources import stored_sources
 from handsight.datasets.exchange.zarr_headers import METADATA, array_faults, claim_faults, metadata_faults
@@ -116,7 +116,7 @@ def open_bundle(path: Path) -> Iterator[Bundle]:
         refuse(path, claim_faults(path, _never_empty(root)))
         sessions = stored_sources(root, schema)
         refuse(path, array_faults(path, sessions, schema))
-        refuse_incomplete(origin, sessions, path)
+        refuse_changed(origin, sessions, path)
         decisions = read_overlay(root).decisions
     yield Bundle(sessions=guarded(sessions, path), decisions=decisions)
 

@@ -293,6 +293,8 @@ def _pose_faults(name: str, pose: NDArray[Any], *, optional: bool = False) -> li
     rotation = pose[:3, :3]
     if not np.all(np.isfinite(pose)):
         return [f"{name} is not finite everywhere"]
+    if np.abs(rotation).max() > 2:  # Squares of what is far too large would overflow.
+        return [f"{name} is no rigid transform: expected an orthonormal rotation and a last row of 0 0 0 1"]
     rigid = np.allclose(rotation @ rotation.T, np.eye(3), rtol=0, atol=quantities.ROTATION_ERROR.possible[1])
     if not (rigid and np.linalg.det(rotation) > 0 and np.array_equal(pose[3], (0, 0, 0, 1))):
         return [f"{name} is no rigid transform: expected an orthonormal rotation and a last row of 0 0 0 1"]

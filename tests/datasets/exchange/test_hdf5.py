@@ -136,6 +136,10 @@ BAD_HDF5: dict[str, tuple[Callable[[Path], object], str]] = {
         edited_hdf5(lambda file: _edit_attributes(file, lambda card: card.update(config_digest="0" * 64))),
         "config_digest does not belong",
     ),
+    "seed": (
+        edited_hdf5(lambda file: _edit_attributes(file, lambda card: card["header"].update(seed=99))),
+        "header, .* are not as recorded",
+    ),
     "status": (
         edited_hdf5(lambda file: _edit_attributes(file, lambda card: card.update(status="lost"))),
         "status is 'lost'",
