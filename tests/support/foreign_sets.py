@@ -10,6 +10,7 @@ from typing import Any
 
 import h5py
 import numpy as np
+from tests.support.fuzz_mutations import mutate_bytes, mutate_json_text
 
 GOLDEN = Path(__file__).resolve().parents[1] / "datasets/exchange/mapped/golden"
 
@@ -75,30 +76,12 @@ def damage_folder(folder: Path, rng: np.random.Generator) -> str:
     files = sorted(path for path in folder.rglob("*") if path.is_file())
     file = files[rng.integers(len(files))]
     if file.suffix == ".json" and rng.integers(3):
-        done = _damage_json(file, rng)
+        file.write_text(mutate_json_text(file.read_text(), rng), errors="surrogatepass")
+        done = "JSON"
     else:
-        file.write_bytes(damaged_bytes(file.read_bytes(), rng))
+        file.write_bytes(mutate_bytes(file.read_bytes(), rng))
         done = "bytes"
     return f"{done} of {file.relative_to(folder)}"
-
-
-def damaged_bytes(data: bytes, rng: np.random.Generator) -> bytes:
-    """Some bytes with a few of them flipped, some cut out, doubled or replaced, or with the end cut off."""
-    changed = bytearray(data or b"\0")
-    kind, at = rng.integers(5), int(rng.integers(len(changed)))
-    length = int(rng.integers(1, 64))
-    if kind == 0:
-        for place in rng.integers(len(changed), size=rng.integers(1, 8)):
-            changed[place] ^= 1 << int(rng.integers(8))
-    elif kind == 1:
-        del changed[at : at + length]
-    elif kind == 2:
-        changed[at:at] = changed[at : at + length]
-    elif kind == 3:
-        changed[at : at + length] = rng.bytes(length)
-    else:
-        del changed[at:]
-    return bytes(changed)
 
 
 STRANGE: tuple[Any, ...] = (
@@ -107,23 +90,6 @@ STRANGE: tuple[Any, ...] = (
     *([], [[]], {}, [None] * 3),
 )
 """Values that stand where others belong."""
-
-
-def _damage_json(file: Path, rng: np.random.Generator) -> str:
-    """Put a strange value in the place of one somewhere in a JSON file."""
-    root = json.loads(file.read_text())
-    node: dict[Any, Any] = {"": root}
-    parent: Any = node
-    name: Any = ""
-    while True:
-        inner = parent[name]
-        keys = list(inner) if isinstance(inner, dict) else list(range(len(inner))) if isinstance(inner, list) else []
-        if not keys or (parent is not node and not rng.integers(4)):
-            break
-        parent, name = inner, keys[rng.integers(len(keys))]
-    parent[name] = STRANGE[rng.integers(len(STRANGE))]
-    file.write_text(json.dumps(node[""]))
-    return f"{name!r} is {parent[name]!r:.40}"
 
 
 def damaged_map(tables: Mapping[str, Mapping[str, Any]], rng: np.random.Generator, path: Path) -> None:
@@ -142,4 +108,4 @@ def damaged_map(tables: Mapping[str, Mapping[str, Any]], rng: np.random.Generato
         changed[table][key] = values[rng.integers(len(values))]
     write_map(path, changed)
     if kind == 3:
-        path.write_bytes(damaged_bytes(path.read_bytes(), rng))
+        path.write_bytes(mutate_bytes(path.read_bytes(), rng))

@@ -12,6 +12,7 @@ import numpy as np
 T = TypeVar("T")
 ODD_VALUES: tuple[Any, ...] = (
     *(None, True, False, "", "x" * 5000, "\ud800", "\x00", "é\u202e\U0001f600", [], {}, [[]], {"a": 1}, [None]),
+    *("text", "0.001", "a\0b", [[1]], ["a", None], 1000.0, -0.5, 10**400, 1e-300, 1e300),
     *(-1, 0, 1, 2, 85, 10**6, 10**9, 2**31, 2**63, 10**30, -(10**30), 0.5, -0.0, 1e-320, 1e308),
     *(
         float("nan"),
@@ -34,6 +35,8 @@ ODD_TEXT = (
     *("(", ")" * 3, "((((", "'", '"', "\n", "\r\n", "\t", ";", ",", "\\", "\x00", "\ufeff", "é", "nan", "inf", "1e400"),
     *("-", "99999999999999999999", " == ", " and ", " or ", "not ", "[0]", "(a+)+$", "\\1", "#", "../", "0.0.0", "_"),
 )
+_FACTORS = (1000.0, 0.001, 100.0, -1.0, 57.3, 1e30)
+"""Between units that are mistaken for one another, and beyond all of them."""
 
 
 def one_of(choices: Iterable[T], rng: np.random.Generator) -> T:
@@ -107,6 +110,8 @@ def mutate_json(value: Any, rng: np.random.Generator) -> Any:
         for _ in range(800):
             value = [value]
         return value
+    if isinstance(value, int | float) and not isinstance(value, bool) and rng.random() < 0.3:
+        return value * one_of(_FACTORS, rng)
     return one_of(ODD_VALUES, rng)
 
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import torch
 from safetensors.torch import save
+from tests.support.fuzz_mutations import mutate_bytes
 
 from handsight.training.gqn import GqnConfig, GraspQualityNetwork
 from handsight.training.run_folder import RUN_RECORD, WEIGHTS
@@ -94,23 +95,8 @@ def _spoil_bytes_of_weights(folder: Path, rng: np.random.Generator) -> str:
 
 
 def _spoil_bytes(path: Path, rng: np.random.Generator) -> str:
-    data = bytearray(path.read_bytes())
-    kind = ("flip", "cut", "append", "zero", "empty", "swap")[rng.integers(6)]
-    at = int(rng.integers(len(data)))
-    if kind == "flip":
-        data[at] ^= 1 << int(rng.integers(8))
-    elif kind == "cut":
-        del data[at:]
-    elif kind == "append":
-        data += rng.bytes(int(rng.integers(1, 100)))
-    elif kind == "zero":
-        data[at : at + 64] = bytes(len(data[at : at + 64]))
-    elif kind == "empty":
-        data.clear()
-    else:
-        data[at:], data[:at] = data[:at], data[at:]
-    path.write_bytes(data)
-    return f"{kind} at byte {at} of {path.name}"
+    path.write_bytes(mutate_bytes(path.read_bytes(), rng))
+    return f"bytes of {path.name}"
 
 
 def _odd_text_of_record(folder: Path, rng: np.random.Generator) -> str:

@@ -9,25 +9,8 @@ from typing import Any
 
 import h5py
 import numpy as np
+from tests.support.fuzz_mutations import ODD_VALUES, mutate_bytes, mutate_json_text
 
-ODD: tuple[Any, ...] = (
-    None,
-    True,
-    -1,
-    0,
-    1,
-    2**31,
-    2**63,
-    10**30,
-    0.5,
-    float("nan"),
-    "",
-    "x" * 300,
-    "é\0",
-    [],
-    {},
-    [[]],
-)
 ODD_ATTRIBUTES: tuple[Any, ...] = (
     -1,
     0,
@@ -47,7 +30,7 @@ ODD_ATTRIBUTES: tuple[Any, ...] = (
 def spoil_hdf5(path: Path, rng: np.random.Generator) -> None:
     """Change an HDF5 file in one place: bytes in a third of the cases, else its content through h5py."""
     if rng.integers(3) == 0:
-        spoil_bytes(path, rng)
+        path.write_bytes(mutate_bytes(path.read_bytes(), rng))
         return
     with h5py.File(path, "r+") as file:
         names: list[str] = []
@@ -64,43 +47,13 @@ def spoil_zarr(folder: Path, rng: np.random.Generator) -> None:
     chunks = sorted(path for path in folder.rglob("c/**/*") if path.is_file())
     kind = int(rng.integers(4))
     if kind < 2:
-        spoil_json(_choice(metadata, rng), rng)
+        file = _choice(metadata, rng)
+        file.write_text(mutate_json_text(file.read_text(), rng), errors="surrogatepass")
     elif kind == 2:
-        spoil_bytes(_choice([*metadata, *chunks], rng), rng)
+        file = _choice([*metadata, *chunks], rng)
+        file.write_bytes(mutate_bytes(file.read_bytes(), rng))
     else:
         _choice([*metadata, *chunks], rng).unlink()
-
-
-def spoil_bytes(path: Path, rng: np.random.Generator) -> None:
-    """Flip a few bits, overwrite a stretch, or cut the end off."""
-    data = bytearray(path.read_bytes())
-    kind, place = int(rng.integers(3)), int(rng.integers(len(data)))
-    if kind == 0:
-        for at in rng.integers(len(data), size=int(rng.integers(1, 9))).tolist():
-            data[at] ^= 1 << int(rng.integers(8))
-    elif kind == 1:
-        stretch = data[place : place + int(rng.integers(1, 65))]
-        data[place : place + len(stretch)] = rng.bytes(len(stretch))
-    else:
-        del data[place:]
-    path.write_bytes(data)
-
-
-def spoil_json(path: Path, rng: np.random.Generator) -> None:
-    """Give one place of a JSON file another value, or take it out."""
-    value = json.loads(path.read_text())
-    parent: Any = None
-    node, key = value, None
-    while isinstance(node, dict | list) and node and (parent is None or rng.random() < 0.8):
-        parent, key = node, _choice(list(node) if isinstance(node, dict) else list(range(len(node))), rng)
-        node = parent[key]
-    if parent is None or rng.random() < 0.05:
-        value = _choice(ODD, rng)
-    elif rng.random() < 0.2:
-        del parent[key]
-    else:
-        parent[key] = _choice(ODD, rng)
-    path.write_text(json.dumps(value))
 
 
 def _other_attribute(file: h5py.File, name: str, rng: np.random.Generator) -> None:
@@ -139,7 +92,7 @@ def _other_values(file: h5py.File, name: str, rng: np.random.Generator) -> None:
     elif isinstance(node, h5py.Dataset) and h5py.check_string_dtype(node.dtype) and node.shape == ():
         text = json.loads(node.asstr()[()])
         del file[name]
-        file[name] = json.dumps(_choice((*ODD, text, [text], {"header": text}), rng))
+        file[name] = json.dumps(_choice((*ODD_VALUES, text, [text], {"header": text}), rng))
 
 
 def _link(file: h5py.File, name: str, rng: np.random.Generator) -> None:

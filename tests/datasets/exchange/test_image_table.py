@@ -17,7 +17,7 @@ import cv2
 import numpy as np
 import pytest
 from tests.support.factories import make_station
-from tests.support.mutations import mutate_image_table
+from tests.support.image_table_mutations import mutate_image_table
 from typer.testing import CliRunner
 
 from handsight.cli.dataset.app import dataset_app

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from tests.support.factories import make_header
-from tests.support.mutations import mutated_json
+from tests.support.fuzz_mutations import mutate_json
 
 from handsight.datasets import DatasetError, InterchangeError
 from handsight.datasets.exchange.sources import checked_source
@@ -76,7 +76,7 @@ def test_a_bad_name_is_refused(ulid: Any) -> None:
 def test_no_mutation_ends_in_another_error(schema: int) -> None:
     refused = 0
     for seed in range(300):
-        changed = mutated_json(attributes(), np.random.default_rng(seed))
+        changed = mutate_json(attributes(), np.random.default_rng(seed))
         try:
             checked_source(ULID, current_attributes(changed, schema), size=1)
         except DatasetError:

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from tests.support.factories import make_header
-from tests.support.mutations import mutated_json
+from tests.support.fuzz_mutations import mutate_json
 
 from handsight.datasets import HeaderError
 from handsight.datasets.format.header import header_from_json, header_to_json
@@ -104,7 +104,7 @@ def test_values_in_messages_are_short() -> None:
 def test_no_mutation_of_a_session_ends_in_another_error() -> None:
     attributes = json.loads(json.dumps(new_session_attributes(make_header())))
     for seed in range(500):
-        changed = mutated_json(attributes, np.random.default_rng(seed))
+        changed = mutate_json(attributes, np.random.default_rng(seed))
         try:
             info = session_from_attributes("ulid", changed, attempts=1)
             header_faults(info.header)

@@ -14,12 +14,12 @@ from tests.support.foreign_sets import (
     HDF5_MAP,
     LEROBOT_MAP,
     damage_folder,
-    damaged_bytes,
     damaged_map,
     unpack_lerobot,
     write_hdf5,
     write_map,
 )
+from tests.support.fuzz_mutations import mutate_bytes
 from tests.support.refusals import check_refused
 
 from handsight.cli.app import run
@@ -192,7 +192,7 @@ def test_a_damaged_hdf5_file_is_refused_or_read(tmp_path: Path) -> None:
     whole = write_hdf5(tmp_path / "whole.hdf5").read_bytes()
     map_path = write_map(tmp_path / "map.toml", HDF5_MAP)
     for seed in range(200):
-        (tmp_path / "demos.hdf5").write_bytes(damaged_bytes(whole, np.random.default_rng(seed)))
+        (tmp_path / "demos.hdf5").write_bytes(mutate_bytes(whole, np.random.default_rng(seed)))
         try:
             _attempt_import(tmp_path / "demos.hdf5", tmp_path, map_path)
         except Exception as error:

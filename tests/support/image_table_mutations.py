@@ -1,50 +1,19 @@
-"""Small changes to files and JSON values, as people, programs and disks make them: for fuzzing what reads them.
+"""Changes to a table of pictures beside those of every kind of file: odd cells and paths, and PNGs that claim things.
 
 Every function takes a generator, so that an input that failed comes back from its seed.
 """
 
 from __future__ import annotations
 
-import copy
 import csv
 import io
 import json
 import struct
 import zlib
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-
-ODD_VALUES: tuple[Any, ...] = (
-    None,
-    True,
-    "",
-    "text",
-    "0.001",
-    0,
-    -1,
-    1,
-    2**31,
-    2**63,
-    10**400,
-    -0.0,
-    1e-300,
-    1e300,
-    float("nan"),
-    float("inf"),
-    85,
-    1000.0,
-    [],
-    {},
-    [[1]],
-    {"a": 1},
-    ["a", None],
-    "\ud800",
-    "a\0b",
-    "x" * 5000,
-)
-"""What stands where something else belongs."""
+from tests.support.fuzz_mutations import mutate_bytes, mutate_json
 
 ODD_CELLS = (
     "",
@@ -79,46 +48,6 @@ ODD_PATHS = (
 )
 
 
-def mutated_json(value: Any, rng: np.random.Generator) -> Any:
-    """A JSON value of which one place, at any depth, is changed, removed, added or given odd company."""
-    value = copy.deepcopy(value)
-    places = list(_places(value))
-    holder, key = places[rng.integers(len(places))]
-    action = rng.integers(4)
-    odd = ODD_VALUES[rng.integers(len(ODD_VALUES))]
-    if action == 0 and isinstance(holder, dict):
-        del holder[key]
-    elif action == 1 and isinstance(holder, dict):
-        holder[f"{key}_"] = odd
-    elif action == 2 and isinstance(holder[key], int | float) and not isinstance(holder[key], bool):
-        holder[key] *= float(rng.choice([1000, 0.001, 100, -1, 57.3, 1e30]))
-    else:
-        holder[key] = odd
-    return value
-
-
-def mutated_bytes(data: bytes, rng: np.random.Generator) -> bytes:
-    """Bytes of which some are flipped, cut off, doubled, zeroed or replaced."""
-    changed = bytearray(data)
-    at = int(rng.integers(len(data))) if data else 0
-    size = int(rng.integers(1, 64))
-    match rng.integers(6):
-        case 0:
-            for place in rng.integers(len(data), size=int(rng.integers(1, 8))):
-                changed[place] ^= 1 << int(rng.integers(8))
-        case 1:
-            del changed[at:]
-        case 2:
-            changed[at:at] = changed[at : at + size]
-        case 3:
-            changed[at : at + size] = bytes(len(changed[at : at + size]))
-        case 4:
-            changed[at : at + size] = rng.bytes(size)
-        case _:
-            return b""
-    return bytes(changed)
-
-
 def mutated_text(text: str, rng: np.random.Generator) -> bytes:
     """A text file in another encoding, with other line ends, nested without end, or as damaged bytes."""
     match rng.integers(8):
@@ -133,7 +62,7 @@ def mutated_text(text: str, rng: np.random.Generator) -> bytes:
         case 4:
             return (text + text).encode()
         case _:
-            return mutated_bytes(text.encode(), rng)
+            return mutate_bytes(text.encode(), rng)
 
 
 def mutated_csv(text: str, rng: np.random.Generator) -> bytes:
@@ -165,7 +94,7 @@ def mutated_csv(text: str, rng: np.random.Generator) -> bytes:
 def mutated_png(data: bytes, rng: np.random.Generator) -> bytes:
     """A PNG that claims another size or kind, with its checksum mended, or is damaged as any bytes."""
     if rng.integers(2):
-        return mutated_bytes(data, rng)
+        return mutate_bytes(data, rng)
     head = bytearray(data)
     match rng.integers(3):
         case 0:
@@ -185,7 +114,7 @@ def mutate_image_table(folder: Path, rng: np.random.Generator) -> str:
     pictures = sorted(folder.rglob("*.png"))
     match rng.integers(6):
         case 0 | 1:
-            changed = json.dumps(mutated_json(json.loads(station.read_text()), rng))
+            changed = json.dumps(mutate_json(json.loads(station.read_text()), rng))
             station.write_text(changed, errors="surrogatepass")
             return f"station.json is {changed[:2000]}"
         case 2:
@@ -201,11 +130,3 @@ def mutate_image_table(folder: Path, rng: np.random.Generator) -> str:
             data = mutated_png(picture.read_bytes(), rng)
             picture.write_bytes(data)
             return f"{picture.name} is {data[:64]!r}"
-
-
-def _places(value: Any) -> Any:
-    """Every holder and key of a JSON value, outermost first."""
-    keys = list(value) if isinstance(value, dict) else range(len(value)) if isinstance(value, list) else []
-    for key in keys:
-        yield value, key
-        yield from _places(value[key])
