@@ -111,7 +111,7 @@ def verify_command(
                 "corrupt": report.corrupt,
                 "faults": report.faults,
                 "damage": report.damage,
-                "lost": report.lost,
+                "lost_refs": report.lost_refs,
                 "bytes": report.bytes,
             }
         )
@@ -140,18 +140,18 @@ def repair_command(
     if restored and not as_json:
         console.print(f"gave {', '.join(restored)} back what was released under the name")
     report = _verified(opened, 0)
+    refs = {"restored": restored, "lost_refs": report.lost_refs}
     if not report.faults and not report.damage:
         if as_json:
-            print_json({"branch": None, "restored": restored, "lost_refs": report.lost})
+            print_json({"branch": None, "snapshot": None, "simulated": [], "lost": [], **refs})
             return
-        for lost in report.lost:
-            console.print(lost, markup=False)
+        _print_lost_refs(report)
         console.print(f"nothing is damaged in {counted(report.checked, 'attempt')}: no branch was made")
         return
     with _simulator(model, wanted=resimulate) as simulate:
         done = repair(opened, report, branch=branch, author=author_named(author), resimulate=simulate)
     if as_json:
-        print_json({**dataclasses.asdict(done), "restored": restored, "lost_refs": report.lost})
+        print_json({**dataclasses.asdict(done), **refs})
         return
     simulated = counted(len(done.simulated), "attempt")
     console.print(
@@ -233,10 +233,14 @@ def _print_verified(report: VerifyReport) -> None:
         console.print(f"[bold]{attempt}[/] {fault}")
     for damage in report.damage:
         console.print(damage)
-    for lost in report.lost:
-        console.print(lost, markup=False)
+    _print_lost_refs(report)
     verdict = "as recorded" if not report.faults and not report.damage else f"{len(report.corrupt)} of them corrupt"
     console.print(f"{counted(report.checked, 'attempt')}, {report.bytes / 1e6:.1f} MB read: {verdict}")
+
+
+def _print_lost_refs(report: VerifyReport) -> None:
+    for fault in report.lost_refs:
+        console.print(fault, markup=False)
 
 
 @contextmanager

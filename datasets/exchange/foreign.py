@@ -13,6 +13,7 @@ from pathlib import Path
 from handsight.datasets.errors import CorruptDataError, DatasetError, InterchangeError, StorageError, headline
 from handsight.datasets.exchange.sources import SessionSource
 from handsight.datasets.format.schema import attempt_id
+from handsight.datasets.format.typed import listed
 from handsight.datasets.records import GraspAttempt
 
 NOT_UNDERSTOOD = (
@@ -31,7 +32,6 @@ _MACHINE = {
     *(errno.EACCES, errno.EPERM, errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.EIO, errno.ENOSPC, errno.ESTALE),
     *(errno.ETIMEDOUT, errno.EDQUOT, errno.EROFS),
 }
-_FAULTS_NAMED = 5
 
 
 @contextmanager
@@ -93,5 +93,4 @@ def refuse(path: Path, faults: Sequence[str]) -> None:
         InterchangeError: It has; the message lists the first.
     """
     if faults:
-        more = f"; and {len(faults) - _FAULTS_NAMED} more" if len(faults) > _FAULTS_NAMED else ""
-        raise InterchangeError(f"{path} cannot be imported: {'; '.join(faults[:_FAULTS_NAMED])}{more}")
+        raise InterchangeError(f"{path} cannot be imported: {listed(faults)}")

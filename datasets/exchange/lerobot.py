@@ -68,7 +68,8 @@ def open_bundle(path: Path) -> Iterator[Bundle]:
         schema = schema_of_origin(origin, path)
         files = [file for file in (path / SIDE).glob("*.npz") if not file.name.startswith("._")]  # Of macOS.
         ulids = sorted(file.stem for file in files)
-        sessions = [_source(path, ulid, schema) for ulid in ulids]
+        rows = _rows_in_data(path)
+        sessions = [_source(path, ulid, schema, rows) for ulid in ulids]
         refuse_changed(origin, sessions, path)
         decisions = decisions_from_json(origin["decisions"], path)
         edits = edits_of(path, sessions)
@@ -84,12 +85,11 @@ def open_bundle(path: Path) -> Iterator[Bundle]:
     yield Bundle(sessions=sessions, decisions=decisions, edits=edits)
 
 
-def _source(path: Path, ulid: str, schema: int) -> SessionSource:
+def _source(path: Path, ulid: str, schema: int, rows: int) -> SessionSource:
     described = json.loads((path / SIDE / f"{ulid}.json").read_text())
     attributes = current_attributes(described["attributes"], schema)
     with zipfile.ZipFile(path / SIDE / f"{ulid}.npz") as file:
         size = _shape(file, "attempts/number", "int64", path)[0]
-        rows = _rows_in_data(path)
         if size > rows:
             # Before any column is read: a few bytes suffice to claim any number of rows.
             raise InterchangeError(

@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from handsight.datasets.errors import CorruptDataError, counted, headline
 from handsight.datasets.exchange.edits import Comparison, Edits, session_ids
+from handsight.datasets.exchange.lerobot_layout import SIDE, flat_name
 from handsight.datasets.exchange.sources import SessionSource
 from handsight.datasets.format.schema import VIEWPOINTS
 from handsight.servoing.planar import PlanarPose
 
-_SIDE = "meta/handsight"
 _LABELS = ("next.success", "next.reward")
 _PLACES = ("episode_index", "index", "frame_index", "task_index")
 _COLUMNS = (*_LABELS, "action", "observation.state", *_PLACES)
@@ -44,7 +44,7 @@ def edits_of(path: Path, sources: Sequence[SessionSource]) -> Edits:
         comparison.refuse(f"there are {counted(found, 'row')} of {counted(expected, 'attempt')}", ["data"])
         return comparison.edits("next.success and next.reward")
     for source in sources:
-        first = int(json.loads((path / _SIDE / f"{source.ulid}.json").read_text())["first_episode"])
+        first = int(json.loads((path / SIDE / f"{source.ulid}.json").read_text())["first_episode"])
         here = {name: values[first : first + source.size] for name, values in rows.items()}
         if source.size and (first < 0 or len(here["action"]) != source.size):
             raise ValueError(f"first_episode of session {source.ulid} is {first}")
@@ -54,14 +54,14 @@ def edits_of(path: Path, sources: Sequence[SessionSource]) -> Edits:
 
 def _compare(comparison: Comparison, path: Path, source: SessionSource, rows: _Columns, first: int) -> None:
     places = [f"episode {first + number}" for number in range(source.size)]
-    with np.load(path / _SIDE / f"{source.ulid}.npz", allow_pickle=False) as file:
+    with np.load(path / SIDE / f"{source.ulid}.npz", allow_pickle=False) as file:
         outcome, actions, taken, poses = (
-            file[name]
+            file[flat_name(name)]
             for name in (
-                "attempts.outcome",
-                "attempts.pregrasp_x_y_angle",
-                "attempts.picture_taken",
-                "overhead.pose_base_tool",
+                "attempts/outcome",
+                "attempts/pregrasp_x_y_angle",
+                "attempts/picture_taken",
+                "overhead/pose_base_tool",
             )
         )
     ids = session_ids(source.ulid, source.size)

@@ -8,7 +8,7 @@ whole number where a length is wanted included, because digests are made of thei
 from __future__ import annotations
 
 import types
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import MISSING, fields, is_dataclass
 from functools import cache
 from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
@@ -59,7 +59,7 @@ def typed(kind: type[T], value: object, name: str = "") -> T:
     return made  # type: ignore[no-any-return]  # Of that kind, where there are no faults.
 
 
-def listed(faults: list[str]) -> str:
+def listed(faults: Sequence[str]) -> str:
     """Faults on one line: the first of them, and how many more there are."""
     more = len(faults) - _SHOWN
     return "; ".join(faults[:_SHOWN]) + (f"; and {counted(more, 'more fault')}" if more > 0 else "")

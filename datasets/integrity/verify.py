@@ -48,7 +48,7 @@ class VerifyReport:
     """Why an attempt is corrupt, by its id."""
     damage: tuple[str, ...]
     """Damage to what belongs to no single attempt: session headers, curation, folds, filters."""
-    lost: tuple[str, ...]
+    lost_refs: tuple[str, ...]
     """Releases and branches that are not what the ledger says, and what to do."""
 
     @property
@@ -59,7 +59,7 @@ class VerifyReport:
     @property
     def ok(self) -> bool:
         """Whether every byte is as it was recorded."""
-        return not self.faults and not self.damage and not self.lost
+        return not self.faults and not self.damage and not self.lost_refs
 
 
 def verify(dataset: GraspDataset, *, jobs: int = 1, on_checked: Callable[[int], None] | None = None) -> VerifyReport:
@@ -95,7 +95,7 @@ def verify(dataset: GraspDataset, *, jobs: int = 1, on_checked: Callable[[int], 
         bytes=total.bytes,
         faults=total.faults,
         damage=tuple(_damage_beside(root)),
-        lost=tuple(one.fault for one in lost_refs(dataset.repository)),
+        lost_refs=tuple(one.fault for one in lost_refs(dataset.repository)),
     )
 
 

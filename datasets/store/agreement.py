@@ -6,7 +6,7 @@ what only it led to. The ledger, a branch with history and checksums of its own,
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import icechunk
@@ -64,7 +64,7 @@ def restore_releases(repository: GraspRepository) -> tuple[str, ...]:
     restored = []
     with repository.locked():
         for one in _lost_releases(repository):
-            if one.snapshot_id is not None and _is_there(repository, one.snapshot_id):
+            if one.snapshot_id is not None and repository.has_snapshot(one.snapshot_id):
                 restore_tag(path, one.name, one.snapshot_id)
                 restored.append(one.name)
     return tuple(restored)
@@ -80,19 +80,12 @@ def _lost_releases(repository: GraspRepository) -> Iterator[LostRef]:
         expected = released.get(name)
         if name in released and not isinstance(path, S3Prefix) and is_deleted_tag(path, name):
             continue
-        try:
-            found = engine.lookup_tag(name)
-        except icechunk.IcechunkError as error:
-            wrong = f"cannot be read ({headline(error)})" if name in tags else "is gone"
-        else:
-            if found == (expected or found) and _is_there(repository, found):
-                continue
-            wrong = f"leads to {found}" + ("" if expected is None else f", and {expected} was released")
-        remedy = (
-            "put refs/tag.NAME back from a copy"
-            if expected is None or not _is_there(repository, expected)
-            else f"it was {expected}, which 'handsight dataset repair' gives it again"
-        )
+        wrong = _what_is_wrong(repository, engine.lookup_tag, name, listed=name in tags, expected=expected)
+        if not wrong:
+            continue
+        remedy = f"put refs/tag.{name} back from a copy"
+        if expected is not None and repository.has_snapshot(expected):
+            remedy = f"it was {expected}, which 'handsight dataset repair' gives it again"
         fault = f"release {name!r} of {path} {wrong}: {remedy}"
         yield LostRef(kind="release", name=name, snapshot_id=expected, fault=fault)
 
@@ -104,23 +97,23 @@ def _lost_branches(repository: GraspRepository) -> Iterator[LostRef]:
         present = engine.list_branches()
     known = known_branches(repository.ledger())
     for name in sorted({*present, *known}):
-        try:
-            found = engine.lookup_branch(name)
-        except icechunk.IcechunkError as error:
-            wrong = f"cannot be read ({headline(error)})" if name in present else "is gone"
-        else:
-            if _is_there(repository, found):
-                continue
-            wrong = f"leads to {found}, which is not there"
+        wrong = _what_is_wrong(repository, engine.lookup_branch, name, listed=name in present, expected=None)
+        if not wrong:
+            continue
         began = known.get(name)
         remedy = f"put refs/branch.{name} back from a copy" + ("" if began is None else f"; it began at {began}")
         fault = f"branch {name!r} of {path} {wrong}: {remedy}"
         yield LostRef(kind="branch", name=name, snapshot_id=began, fault=fault)
 
 
-def _is_there(repository: GraspRepository, snapshot_id: str) -> bool:
+def _what_is_wrong(
+    repository: GraspRepository, lookup: Callable[[str], str], name: str, *, listed: bool, expected: str | None
+) -> str:
+    """What is wrong with a name, empty where nothing is. A branch may lead anywhere, so nothing is expected of it."""
     try:
-        repository.icechunk_repository.lookup_snapshot(snapshot_id)
-    except icechunk.IcechunkError:
-        return False
-    return True
+        found = lookup(name)
+    except icechunk.IcechunkError as error:
+        return f"cannot be read ({headline(error)})" if listed else "is gone"
+    if expected is not None and found != expected:
+        return f"leads to {found}, and {expected} was released"
+    return "" if repository.has_snapshot(found) else f"leads to {found}, which is not there"

@@ -199,7 +199,7 @@ class GraspRepository:
                 snapshot_id = _looked_up(self._icechunk.lookup_branch, self._icechunk.list_branches, ref)
         if snapshot_id is not None:
             return snapshot_id
-        if is_snapshot_id(ref) and self._has_snapshot(ref):
+        if is_snapshot_id(ref) and self.has_snapshot(ref):
             return ref
         releases, branches = self._names()
         known = f"releases: {', '.join(releases) or 'none'}; branches: {', '.join(branches)}"
@@ -390,7 +390,8 @@ class GraspRepository:
         with icechunk_errors(f"cannot list the releases of {self.path}"):
             return {name: self._icechunk.lookup_tag(name) for name in sorted(self._icechunk.list_tags())}
 
-    def _has_snapshot(self, snapshot_id: str) -> bool:
+    def has_snapshot(self, snapshot_id: str) -> bool:
+        """Whether there is a snapshot of that id, whatever leads to it."""
         try:
             self._icechunk.lookup_snapshot(snapshot_id)
         except icechunk.IcechunkError:

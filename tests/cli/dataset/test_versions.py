@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from handsight.cli.errors import CommandError
 from handsight.datasets import (
     PHASES,
     AttemptNotFoundError,
+    CorruptDataError,
     CurationError,
     GraspAttempt,
     GraspDataset,
@@ -221,3 +223,15 @@ def test_gc_and_expire_plan_before_they_act(path: Path) -> None:
     assert len(GraspRepository.open(path).log()) == 1
     assert GraspDataset.open(str(path)).info().excluded == 1
     assert "dropped 0 commits" in invoke("expire", path, "--older-than", "2020-01-31")
+
+
+def test_a_lost_release_is_named_and_repaired(path: Path) -> None:
+    invoke("release", path, "v1")
+    shutil.rmtree(path / "refs" / "tag.v1")
+    (fault,) = json_of("verify", path, code=1)["lost_refs"]
+    assert fault.startswith(f"release 'v1' of {path} is gone: it was ")
+    with pytest.raises(CorruptDataError, match="collecting garbage is refused: release 'v1'"):
+        invoke("gc", path)
+    done = json_of("repair", path, "--branch", "repaired")
+    assert (done["restored"], done["lost_refs"], done["branch"]) == (["v1"], [], None)
+    assert json_of("verify", f"{path}@v1")["lost_refs"] == []
