@@ -48,8 +48,7 @@ class GraspDataset:
     def __init__(self, repository: GraspRepository, *, ref: str) -> None:
         self.repository = repository
         self.ref = ref
-        self.snapshot_id = repository.resolve(ref)
-        self._root = repository.root(self.snapshot_id)
+        self.snapshot_id, self._root = repository.version(ref)
         check_current(repository.path, ref, self._root)
         self._sessions = {session.ulid: session for session in read_sessions(self._root)}
 
@@ -65,7 +64,7 @@ class GraspDataset:
             SchemaError: The version was written by a newer handsight, or by an older one and not migrated.
         """
         parsed = DatasetAddress.parse(address) if isinstance(address, str) else address
-        return cls(GraspRepository.open(parsed.path), ref=parsed.ref)
+        return cls(GraspRepository.open(parsed.path, check=False), ref=parsed.ref)
 
     @property
     def root(self) -> zarr.Group:

@@ -23,13 +23,15 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
+import icechunk
 from ulid import ULID
 
 from handsight.datasets.address import DEFAULT_REF, S3Prefix
 from handsight.datasets.errors import StorageError
 from handsight.datasets.held import HeldFile, is_held, remove_abandoned
-from handsight.datasets.store.icechunk_engine import icechunk_errors
+from handsight.datasets.store.icechunk_engine import icechunk_errors, is_missing_ref
 from handsight.datasets.store.leftovers import WRITERS_FOLDER
+from handsight.datasets.store.refs import ref_names
 from handsight.datasets.store.releases import WRITER_PREFIX
 from handsight.datasets.store.repository import GraspRepository
 
@@ -196,8 +198,7 @@ def _from_file(file: Path) -> Writer | None:
 
 
 def _branches(repository: GraspRepository) -> dict[str, Writer]:
-    with icechunk_errors(f"cannot list the writers to {repository.path}"):
-        names = sorted(repository.icechunk_repository.list_branches())
+    _, names = ref_names(repository.path)
     return {name: writer for name in names if (writer := _from_branch(name)) is not None}
 
 
@@ -217,9 +218,11 @@ def _from_branch(name: str) -> Writer | None:
 
 def _delete_branch(repository: GraspRepository, branch: str) -> None:
     with icechunk_errors(f"cannot take back the entry {branch} of a writer to {repository.path}"):
-        engine = repository.icechunk_repository
-        if branch in engine.list_branches():
-            engine.delete_branch(branch)
+        try:
+            repository.icechunk_repository.delete_branch(branch)
+        except icechunk.IcechunkError as error:
+            if not is_missing_ref(error):  # Somebody else has taken it back.
+                raise
 
 
 def _moment_of(writer_id: str) -> datetime:
