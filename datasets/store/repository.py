@@ -27,6 +27,7 @@ from handsight.datasets.errors import (
     RefNotFoundError,
     SessionConflictError,
     StorageError,
+    headline,
 )
 from handsight.datasets.store.icechunk_engine import (
     icechunk_errors,
@@ -421,4 +422,13 @@ class GraspRepository:
             self._icechunk.lookup_snapshot(snapshot_id)
         except icechunk.IcechunkError:
             return False
+        return True
+
+    def is_stored(self, snapshot_id: str) -> bool:
+        """As :meth:`has_snapshot`, but asks the disk or bucket anew; what cannot be asked counts as there."""
+        self.check_process()
+        try:
+            self._icechunk.readonly_session(snapshot_id=snapshot_id)
+        except icechunk.IcechunkError as error:
+            return not headline(error).startswith("snapshot not found")
         return True
