@@ -58,6 +58,7 @@ if TYPE_CHECKING:
     from handsight.datasets.errors import SessionNotFoundError as SessionNotFoundError
     from handsight.datasets.errors import StorageError as StorageError
     from handsight.datasets.errors import UnknownNameError as UnknownNameError
+    from handsight.datasets.errors import VersionRemovedError as VersionRemovedError
     from handsight.datasets.errors import WhereError as WhereError
     from handsight.datasets.exchange.commands import ImportReport as ImportReport
     from handsight.datasets.exchange.commands import export_dataset as export_dataset
@@ -155,6 +156,7 @@ _NAMES: dict[str, tuple[str, ...]] = {
         "SessionNotFoundError",
         "StorageError",
         "UnknownNameError",
+        "VersionRemovedError",
         "WhereError",
     ),
     "exchange.commands": (
@@ -313,6 +315,7 @@ __all__ = [
     "UnknownNameError",
     "VerifyReport",
     "VersionDiff",
+    "VersionRemovedError",
     "Viewpoint",
     "WhereError",
     "collect_garbage",

@@ -7,6 +7,7 @@ DatasetError
 ├── NotADatasetError (NotADirectoryError)      a file or a foreign folder where a dataset is wanted
 ├── SchemaError (ValueError)                   a dataset of a newer schema, or of an older one and not migrated
 ├── RefNotFoundError (LookupError)             no release, branch or snapshot of that name
+├── VersionRemovedError (LookupError)          a version that was expired and collected while it was read
 ├── RefNameError (ValueError)                  a name that a release cannot take
 ├── AttemptNotFoundError (LookupError)         no such attempt in this version of the dataset
 ├── FrameNotFoundError (LookupError)           the attempt exists, the picture was never taken
@@ -58,6 +59,10 @@ class SchemaError(DatasetError, ValueError):
 
 class RefNotFoundError(DatasetError, LookupError):
     """No release, branch or snapshot has that name."""
+
+
+class VersionRemovedError(DatasetError, LookupError):
+    """The version was expired, and its files were deleted, while it was being read."""
 
 
 class RefNameError(DatasetError, ValueError):

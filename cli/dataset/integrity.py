@@ -28,6 +28,7 @@ from handsight.cli.options import (
     Seed,
 )
 from handsight.cli.output import console, print_json, print_table, progress_bar
+from handsight.datasets.address import S3Prefix
 from handsight.datasets.errors import counted
 
 if TYPE_CHECKING:
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
     from handsight.datasets.integrity.repair import ResimulateAttempt
     from handsight.datasets.integrity.verify import VerifyReport
     from handsight.datasets.reading.reader import GraspDataset
+    from handsight.datasets.store.repository import GraspRepository
     from handsight.datasets.store.writers import Writer
 
 ServoModel = Annotated[
@@ -184,7 +186,7 @@ def gc(
         f"{counted(report.snapshots, 'snapshot')}, {counted(report.other_files, 'other file')} "
         f"from before {report.older_than:%Y-%m-%d %H:%M:%S} UTC"
     )
-    _print_retained(report.writers, report.retained_by, "what it may still need")
+    _print_retained(repository, report.writers, report.retained_by, "what it may still need")
 
 
 def expire_command(
@@ -209,15 +211,19 @@ def expire_command(
     console.print(
         f"{would} {counted(len(report.snapshots), 'commit')} from before {report.older_than:%Y-%m-%d %H:%M:%S} UTC"
     )
-    _print_retained(report.writers, report.retained_by, "the version that it began from")
+    _print_retained(repository, report.writers, report.retained_by, "the version that it began from")
 
 
-def _print_retained(writers: Sequence[Writer], retained_by: Sequence[str], what: str) -> None:
+def _print_retained(
+    repository: GraspRepository, writers: Sequence[Writer], retained_by: Sequence[str], what: str
+) -> None:
     for writer in writers:
         if (writer.session or writer.id) in retained_by:
+            # In a bucket nobody can tell whether a writer on another machine lives.
+            gone = f"; if it is gone, add --ignore-writer {writer.id}" if isinstance(repository.path, S3Prefix) else ""
             console.print(
                 f"at work since {writer.begun:%Y-%m-%d %H:%M:%S} UTC, process {writer.pid} on {writer.host}: "
-                f"{writer.what} ({writer.id}); {what} is kept"
+                f"{writer.what} ({writer.id}); {what} is kept{gone}"
             )
 
 

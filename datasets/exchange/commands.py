@@ -17,6 +17,7 @@ from handsight.datasets.exchange.transfer import TransferReport, transfer
 from handsight.datasets.held import HeldFolder
 from handsight.datasets.reading.reader import GraspDataset
 from handsight.datasets.store.icechunk_engine import sync_file_system
+from handsight.datasets.store.readers import being_read
 from handsight.datasets.store.repository import GraspRepository
 
 
@@ -46,12 +47,14 @@ def export_dataset(
     Raises:
         InterchangeError: The format cannot be written, something is at the target, or it is inside a dataset.
         CorruptDataError: An attempt is damaged; the message names it.
+        VersionRemovedError: The version was expired and collected meanwhile.
         StorageError: The target cannot be written, for instance because the disk is full.
     """
     chosen, path = format_named(format), Path(target)
     if chosen.write is None:
         raise InterchangeError(f"format {format!r} is only imported: choose another")
-    with _writing_to(path), whole_or_absent(path) as unfinished:
+    reading = being_read(dataset.repository, dataset.snapshot_id, f"export to {path.name} ({format})")
+    with _writing_to(path), whole_or_absent(path) as unfinished, reading:
         chosen.write(dataset, unfinished, on_attempt or _nothing)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 
 from handsight.datasets.address import DEFAULT_REF
 from handsight.datasets.errors import SessionNotFoundError, counted
@@ -10,6 +11,7 @@ from handsight.datasets.exchange.places import staying_in_place
 from handsight.datasets.exchange.sources import stored_sources
 from handsight.datasets.exchange.transfer import TransferReport, transfer
 from handsight.datasets.reading.reader import GraspDataset
+from handsight.datasets.store.readers import being_read
 from handsight.datasets.store.repository import GraspRepository
 
 
@@ -42,6 +44,7 @@ def merge(
         SessionNotFoundError: The source has no such session; the message lists all that are missing.
         MergeError: Sessions do not fit the target; the message lists every fault.
         CorruptDataError: An attempt of the source is damaged.
+        VersionRemovedError: The source was expired and collected meanwhile.
         StorageError: The target was moved meanwhile.
     """
     root = source.root
@@ -53,7 +56,8 @@ def merge(
             f"{source.repository.path}@{source.ref} has no session {', '.join(missing)} "
             f"({counted(len(available), 'session')}): see 'handsight dataset info'"
         )
-    with staying_in_place(target.path):
+    reading = being_read(source.repository, source.snapshot_id, f"merge into {target.path}")
+    with staying_in_place(target.path), nullcontext() if dry_run else reading:
         return transfer(
             target,
             [available[ulid] for ulid in wanted],

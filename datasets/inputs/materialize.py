@@ -30,6 +30,7 @@ from handsight.datasets.inputs.cache import open_cache, write_cache
 from handsight.datasets.inputs.viewpoint import DEFAULT_VIEWPOINT
 from handsight.datasets.reading.reader import GraspDataset
 from handsight.datasets.records import RgbdFrame, StationSpec
+from handsight.datasets.store.readers import being_read
 from handsight.datasets.views import station_view
 from handsight.servoing.homography import InputGrid, predict_inputs
 from handsight.servoing.planar import PlanarPose
@@ -81,6 +82,7 @@ def materialize(
     Raises:
         NoTrainingDataError: No attempt of this version has a label and the picture asked for.
         CorruptDataError: A picture is damaged; the message names the attempt.
+        VersionRemovedError: The version was expired and collected meanwhile.
     """
     grid = grid or InputGrid()
     rows = usable_attempts(dataset, viewpoint)
@@ -91,7 +93,8 @@ def materialize(
     if inputs is None:
         path.parent.mkdir(parents=True, exist_ok=True)
         fill = partial(_fill, dataset=dataset, rows=rows, viewpoint=viewpoint, grid=grid, on_attempt=on_attempt)
-        write_cache(path, holds=holds, shape=shape, dtype=np.float16, fill=fill)
+        with being_read(dataset.repository, dataset.snapshot_id, f"make inputs of {viewpoint} pictures"):
+            write_cache(path, holds=holds, shape=shape, dtype=np.float16, fill=fill)
         inputs = np.load(path, mmap_mode="r")
     return GraspInputs(inputs=inputs, attempts=rows)
 

@@ -6,7 +6,7 @@ while it is at work (store/writers.py), so that neither has to guess from how ol
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -22,6 +22,7 @@ from handsight.datasets.store.writers import Writer, forget_dead_writers, writer
 GRACE = timedelta(hours=1)
 """Younger files are never deleted: an older handsight, which does not register, may be about to commit them."""
 
+_ALWAYS = datetime(1970, 1, 1, tzinfo=UTC)
 _NEVER = datetime.max.replace(tzinfo=UTC)
 
 
@@ -86,7 +87,10 @@ def collect_garbage(
         refuse_lost_refs(repository, "collecting garbage")
         writers = _at_work(repository, ignored_writers, dry_run=dry_run)
         committed = _last_commits(repository, writers)
-        kept_from = {one.id: max(one.begun, committed.get(one.session or "", one.begun)) for one in writers}
+        kept_from = {
+            one.id: max(one.begun, committed.get(one.session or "", one.begun)) for one in writers if one.reads is None
+        }
+        kept_from |= dict.fromkeys(_readers_of_the_nameless(repository, writers), _ALWAYS)
         limits = [datetime.now(UTC) - grace, *kept_from.values()]
         cutoff = min([*limits, older_than] if older_than is not None else limits)
         with icechunk_errors(f"cannot collect the garbage of {repository.path}"):
@@ -98,7 +102,7 @@ def collect_garbage(
     return GarbageReport(
         dry_run=dry_run,
         older_than=cutoff,
-        retained_by=_names(one for one in writers if kept_from[one.id] <= cutoff),
+        retained_by=_names(one for one in writers if kept_from.get(one.id, _NEVER) <= cutoff),
         writers=writers,
         bytes=found.bytes_deleted,
         chunks=found.chunks_deleted,
@@ -132,12 +136,13 @@ def expire(
         branches = set(repository.branches().values())
         named = {*branches, *(one.snapshot_id for one in repository.releases().values())}
         histories = dict(zip(sorted(named), repository.logs(sorted(named)), strict=True))
-        needed_from = {one.id: min(_found_by(one, histories[tip]) for tip in branches) for one in writers}
+        needed_from = {one.id: _needed_from(one, histories, branches) for one in writers}
         cutoff = min([older_than, *needed_from.values()])
+        kept = {*named, *(one.reads for one in writers)}
         old: dict[str, None] = {}
         for entries in histories.values():
             for entry in entries:
-                if entry.snapshot_id not in named and entry.written_at < cutoff:
+                if entry.snapshot_id not in kept and entry.written_at < cutoff:
                     old.setdefault(entry.snapshot_id)
         if not dry_run:
             with icechunk_errors(f"cannot expire commits of {repository.path}"):
@@ -177,6 +182,24 @@ def _last_commits(repository: GraspRepository, writers: Sequence[Writer]) -> dic
                 if entry.session is not None and entry.session in sessions:
                     last[entry.session] = max(entry.written_at, last.get(entry.session, entry.written_at))
     return last
+
+
+def _readers_of_the_nameless(repository: GraspRepository, writers: Sequence[Writer]) -> list[str]:
+    """Ids of readers of versions that no name leads to: any file may be one that they need, whatever its age."""
+    readers = [one for one in writers if one.reads is not None]
+    if not readers or isinstance(repository.path, S3Prefix):
+        return []  # In a bucket the reader's branch leads to the version.
+    tips = [*repository.branches().values(), *(one.snapshot_id for one in repository.releases().values())]
+    reachable = {entry.snapshot_id for entries in repository.logs(dict.fromkeys(tips)) for entry in entries}
+    return [one.id for one in readers if one.reads not in reachable]
+
+
+def _needed_from(one: Writer, histories: Mapping[str, Sequence[LogEntry]], branches: Iterable[str]) -> datetime:
+    """When the oldest version was written that somebody at work needs to stay in the history."""
+    if one.reads is None:
+        return min(_found_by(one, histories[tip]) for tip in branches)
+    read = (entry.written_at for entries in histories.values() for entry in entries if entry.snapshot_id == one.reads)
+    return next(read, _NEVER)
 
 
 def _found_by(writer: Writer, history: Sequence[LogEntry]) -> datetime:

@@ -26,6 +26,7 @@ from handsight.datasets.format.sessions import attribute_damage
 from handsight.datasets.integrity.attempt_checks import AttemptChecker, AttemptRange, Checked
 from handsight.datasets.reading.reader import GraspDataset
 from handsight.datasets.store.agreement import lost_refs
+from handsight.datasets.store.readers import being_read, refuse_removed
 from handsight.datasets.store.repository import GraspRepository
 from handsight.jobs.processes import process_pool
 
@@ -73,9 +74,18 @@ def verify(dataset: GraspDataset, *, jobs: int = 1, on_checked: Callable[[int], 
 
     Raises:
         CorruptDataError: The list of sessions itself cannot be read.
+        VersionRemovedError: The version was expired and collected meanwhile.
         StorageError: A process ended before its time.
         ForkedProcessError: The dataset was opened in another process.
     """
+    with being_read(dataset.repository, dataset.snapshot_id, "verify"):
+        report = _verified(dataset, jobs, on_checked)
+        if not report.ok:
+            refuse_removed(dataset.repository, dataset.snapshot_id)
+    return report
+
+
+def _verified(dataset: GraspDataset, jobs: int, on_checked: Callable[[int], None] | None) -> VerifyReport:
     root = dataset.root
     whole = [AttemptRange(session.ulid, 0, session.attempts) for session in dataset.sessions]
     ranges = [piece for session in whole for piece in session.cut(_RANGE)]

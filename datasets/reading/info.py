@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass
-from pathlib import Path
 
-from handsight.datasets.address import S3Prefix
+from handsight.datasets.store.files import stored_files
 from handsight.datasets.store.repository import SIDE_FOLDER, GraspRepository
 
 
@@ -25,7 +23,7 @@ class DatasetInfo:
     """The release, branch or snapshot id by which the version was opened."""
     schema_version: int
     bytes: int
-    """Size of the folder on disk, with its whole history and without caches."""
+    """Size of the folder or of what is in the bucket, with its whole history and without caches."""
     digest: str
     """SHA-256 of the content of all attempts as recorded; the same however they were committed or curated."""
     curation_digest: str
@@ -38,21 +36,5 @@ class DatasetInfo:
 
 
 def bytes_stored(repository: GraspRepository) -> int:
-    """Bytes in the files of a dataset, caches left out; in a bucket, only those of its chunks."""
-    folder = repository.path
-    if isinstance(folder, S3Prefix):
-        return int(repository.icechunk_repository.chunk_storage_stats().native_bytes)
-    total = 0
-    for parent, folders, files in os.walk(folder):
-        if Path(parent) == folder and SIDE_FOLDER in folders:
-            folders.remove(SIDE_FOLDER)
-        total += sum(_size(Path(parent) / name) for name in files)
-    return total
-
-
-def _size(file: Path) -> int:
-    """0 for a file that went away since it was listed: a writer at work renames its files when they are whole."""
-    try:
-        return file.stat().st_size
-    except FileNotFoundError:
-        return 0
+    """Bytes in the files of a dataset, caches left out."""
+    return sum(stored_files(repository.path, leave_out=SIDE_FOLDER).values())

@@ -39,17 +39,20 @@ from handsight.datasets.format.sessions import SessionInfo, read_sessions
 from handsight.datasets.reading.info import DatasetInfo, bytes_stored
 from handsight.datasets.records import GraspAttempt, Outcome, RgbdFrame, StationSpec
 from handsight.datasets.store.layout import check_current
+from handsight.datasets.store.readers import unless_removed
 from handsight.datasets.store.repository import GraspRepository
 
 
 class GraspDataset:
-    """One version of a dataset, read-only. What others commit later does not show in it."""
+    """One version of a dataset, read-only. What others commit later does not show in it.
+
+    Where ``expire`` and ``gc`` remove the version meanwhile, reading raises ``VersionRemovedError``.
+    """
 
     def __init__(self, repository: GraspRepository, *, ref: str) -> None:
         self.repository = repository
         self.ref = ref
-        self.snapshot_id = repository.resolve(ref)
-        self._root = repository.root(self.snapshot_id)
+        self.snapshot_id, self._root = repository.version(ref)
         check_current(repository.path, ref, self._root)
         self._sessions = {session.ulid: session for session in read_sessions(self._root)}
 
@@ -65,7 +68,7 @@ class GraspDataset:
             SchemaError: The version was written by a newer handsight, or by an older one and not migrated.
         """
         parsed = DatasetAddress.parse(address) if isinstance(address, str) else address
-        return cls(GraspRepository.open(parsed.path), ref=parsed.ref)
+        return cls(GraspRepository.open(parsed.path, check=False), ref=parsed.ref)
 
     @property
     def root(self) -> zarr.Group:
@@ -271,7 +274,8 @@ class GraspDataset:
     def _read_range(self, viewpoint: Viewpoint, ulid: str, start: int, stop: int) -> list[tuple[str, RgbdFrame]]:
         """The pictures of neighbouring attempts; when one is damaged, the error names its attempt."""
         try:
-            frames = read_frames(frame_arrays(self._group(ulid), viewpoint), viewpoint, start, stop)
+            with unless_removed(self.repository, self.snapshot_id):
+                frames = read_frames(frame_arrays(self._group(ulid), viewpoint), viewpoint, start, stop)
         except CorruptDataError as error:
             if stop - start > 1:
                 for number in range(start, stop):
@@ -324,8 +328,9 @@ class GraspDataset:
         return pairs
 
     def _column(self, ulid: str, name: str, start: int = 0, stop: int | None = None) -> NDArray[Any]:
-        array = array_at(self._group(ulid), f"attempts/{name}")
-        return read_rows(array, start, array.shape[0] if stop is None else stop)
+        with unless_removed(self.repository, self.snapshot_id):
+            array = array_at(self._group(ulid), f"attempts/{name}")
+            return read_rows(array, start, array.shape[0] if stop is None else stop)
 
     def _group(self, ulid: str) -> zarr.Group:
         return group_at(self.root, f"{SESSIONS}/{ulid}")

@@ -15,7 +15,7 @@ from handsight.datasets.address import S3Prefix
 from handsight.datasets.errors import CorruptDataError, headline
 from handsight.datasets.store.icechunk_engine import icechunk_errors
 from handsight.datasets.store.refs import is_deleted_tag, restore_tag
-from handsight.datasets.store.releases import confirmed_releases, known_branches
+from handsight.datasets.store.releases import confirmed_releases, is_registration, known_branches
 from handsight.datasets.store.repository import GraspRepository
 
 
@@ -97,6 +97,8 @@ def _lost_branches(repository: GraspRepository) -> Iterator[LostRef]:
         present = engine.list_branches()
     known = known_branches(repository.ledger())
     for name in sorted({*present, *known}):
+        if is_registration(name):  # It comes and goes without the ledger.
+            continue
         wrong = _what_is_wrong(repository, engine.lookup_branch, name, listed=name in present, expected=None)
         if not wrong:
             continue

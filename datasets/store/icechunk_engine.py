@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import asyncio
 import ctypes
 import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import icechunk
+from zarr.core.sync import sync
 
-from handsight.datasets.address import Location, S3Prefix
+from handsight.datasets.address import Location, S3Prefix, looks_like_dataset
 from handsight.datasets.errors import StorageError, headline
+from handsight.datasets.store.buckets import bucket_endpoint, bucket_region
 from handsight.datasets.store.refs import move_branch
 
 _MANIFEST_CHUNKS = 1024
@@ -27,11 +30,11 @@ def storage_at(location: Location) -> icechunk.Storage:
     environment or the machine provides.
     """
     if isinstance(location, S3Prefix):
-        endpoint = os.environ.get("AWS_ENDPOINT_URL_S3") or os.environ.get("AWS_ENDPOINT_URL") or None
+        endpoint = bucket_endpoint()
         return icechunk.s3_storage(
             bucket=location.bucket,
             prefix=location.prefix,
-            region=os.environ.get("AWS_REGION") or os.environ.get("AWS_DEFAULT_REGION") or "us-east-1",
+            region=bucket_region(),
             endpoint_url=endpoint,
             allow_http=endpoint is not None and endpoint.startswith("http://"),
             # Servers other than Amazon's seldom answer for BUCKET.HOST.
@@ -53,6 +56,43 @@ def icechunk_config() -> icechunk.RepositoryConfig:
     return config
 
 
+def open_store(location: Location) -> icechunk.Repository | None:
+    """What is stored at a location, ours or not; None where nothing is. Writes nothing.
+
+    Raises:
+        StorageError: The disk or bucket cannot be read.
+    """
+    # Icechunk creates the folder it is asked about, so it is asked only about folders that look like its own.
+    if not looks_like_dataset(location):
+        return None
+    # It would read ahead what it guesses will be wanted, also of versions that are only looked at for their schema.
+    config = icechunk.RepositoryConfig()
+    config.manifest = icechunk.ManifestConfig(
+        preload=icechunk.ManifestPreloadConfig(preload_if=icechunk.ManifestPreloadCondition.false())
+    )
+    with icechunk_errors(f"cannot open {location}"):
+        try:
+            return icechunk.Repository.open(storage_at(location), config)
+        except icechunk.IcechunkError as error:
+            if headline(error).startswith("the repository doesn't exist"):
+                return None
+            raise
+
+
+def lookup_branches(repository: icechunk.Repository, names: Iterable[str]) -> dict[str, str]:
+    """The snapshot id of each branch; all are asked for at once, because a bucket takes its time for each.
+
+    Raises:
+        icechunk.IcechunkError: One of them cannot be read.
+    """
+    wanted = list(names)
+
+    async def look() -> list[str]:
+        return await asyncio.gather(*(repository.lookup_branch_async(name) for name in wanted))
+
+    return dict(zip(wanted, sync(look()), strict=True))
+
+
 @contextmanager
 def icechunk_errors(action: str) -> Iterator[None]:
     """Turn failures of the engine into ``StorageError``; ``action`` says what was being done."""
@@ -61,6 +101,11 @@ def icechunk_errors(action: str) -> Iterator[None]:
     except icechunk.IcechunkError as error:
         advice = "check that the disk is writable and not full, or that the bucket is within reach"
         raise StorageError(f"{action}: {headline(error)}; {advice}") from error
+
+
+def is_missing_ref(error: icechunk.IcechunkError) -> bool:
+    """Whether Icechunk says plainly that there is no branch or tag of the name it was asked for."""
+    return headline(error).startswith("ref not found")
 
 
 def publish(

@@ -7,19 +7,12 @@ import uuid
 import icechunk
 import zarr
 
-from handsight.datasets.address import DEFAULT_REF, Location, S3Prefix, looks_like_dataset, refuse_unreachable
+from handsight.datasets.address import DEFAULT_REF, Location, S3Prefix, refuse_unreachable
 from handsight.datasets.errors import DatasetExistsError, NotADatasetError, SchemaError
 from handsight.datasets.format.provenance import utc_now
 from handsight.datasets.format.schema import SCHEMA_VERSION, SESSIONS
-from handsight.datasets.store.icechunk_engine import icechunk_config, icechunk_errors, storage_at, sync_file_system
+from handsight.datasets.store.icechunk_engine import icechunk_config, open_store, storage_at, sync_file_system
 from handsight.datasets.store.releases import LEDGER_BRANCH
-
-
-def is_icechunk_folder(path: Location) -> bool:
-    """Whether an Icechunk store, ours or not, is there. Writes nothing."""
-    # Icechunk creates the folder it is asked about, so it is asked only about folders that look like its own.
-    with icechunk_errors(f"cannot open {path}"):
-        return looks_like_dataset(path) and icechunk.Repository.exists(storage_at(path))
 
 
 def refuse_occupied(path: Location) -> None:
@@ -32,7 +25,7 @@ def refuse_occupied(path: Location) -> None:
     """
     refuse_unreachable(path)
     if isinstance(path, S3Prefix) or path.is_dir():
-        if is_icechunk_folder(path):
+        if open_store(path) is not None:
             raise DatasetExistsError(f"there is a dataset at {path} already: open it, or choose another path")
         if not isinstance(path, S3Prefix) and any(path.iterdir()):
             raise NotADatasetError(f"{path} is a folder with other files in it: choose a new or an empty folder")

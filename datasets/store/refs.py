@@ -20,11 +20,30 @@ import icechunk
 from handsight.datasets.address import Location, S3Prefix
 from handsight.datasets.atomic import atomic_file, atomic_folder, sync
 from handsight.datasets.errors import RefNameError, StorageError
+from handsight.datasets.store.files import stored_files
 
 _FILE = "ref.json"
 _TOMBSTONE = "ref.json.deleted"
 
 Kind = Literal["branch", "tag"]
+
+
+def ref_names(path: Location) -> tuple[list[str], list[str]]:
+    """Names of the tags and of the branches of a dataset, each sorted.
+
+    Icechunk would ask a bucket for two files of every tag to list either.
+
+    Raises:
+        StorageError: The disk or bucket cannot be read.
+    """
+    files = stored_files(path, "refs")
+    found: dict[str, list[str]] = {"tag": [], "branch": []}
+    for file in files:
+        folder, _, name = file.rpartition("/")
+        kind, _, ref = folder.partition(".")
+        if name == _FILE and kind in found and f"{folder}/{_TOMBSTONE}" not in files:
+            found[kind].append(ref)
+    return sorted(found["tag"]), sorted(found["branch"])
 
 
 def move_branch(path: Path, name: str, snapshot_id: str) -> None:

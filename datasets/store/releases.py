@@ -21,7 +21,8 @@ LEDGER_BRANCH = "handsight.releases"
 """Not shown among the branches."""
 
 WRITER_PREFIX = "handsight.writer."
-"""Branches that tell who writes to a bucket begin so (writers.py); not shown among the branches either."""
+READER_PREFIX = "handsight.reader."
+"""Branches that tell who writes to a bucket or reads from it begin so (writers.py); they are not shown either."""
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
 _SNAPSHOT_ID = re.compile(r"[0-9A-HJKMNP-TV-Z]{20}")
@@ -47,7 +48,12 @@ def is_snapshot_id(text: str) -> bool:
 
 def is_internal(branch: str) -> bool:
     """Whether a branch is handsight's own and no version of the dataset."""
-    return branch == LEDGER_BRANCH or branch.startswith(WRITER_PREFIX)
+    return branch == LEDGER_BRANCH or is_registration(branch)
+
+
+def is_registration(branch: str) -> bool:
+    """Whether a branch stands for somebody at work in a bucket."""
+    return branch.startswith((WRITER_PREFIX, READER_PREFIX))
 
 
 def is_plain_name(name: str) -> bool:

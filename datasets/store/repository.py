@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -25,25 +26,27 @@ from handsight.datasets.errors import (
     RefNameError,
     RefNotFoundError,
     SessionConflictError,
+    StorageError,
     headline,
 )
 from handsight.datasets.store.icechunk_engine import (
     icechunk_errors,
+    lookup_branches,
+    open_store,
     publish,
     publish_shared,
-    storage_at,
     sync_file_system,
 )
-from handsight.datasets.store.layout import check_schema, is_icechunk_folder, refuse_occupied, write_empty
+from handsight.datasets.store.layout import check_schema, refuse_occupied, write_empty
 from handsight.datasets.store.leftovers import clear_leftovers
+from handsight.datasets.store.lookup import branch_of, version_named, version_names
 from handsight.datasets.store.refs import create_ref
 from handsight.datasets.store.releases import (
     LEDGER_BRANCH,
     Release,
     add_to_ledger,
     check_ref_name,
-    is_internal,
-    is_snapshot_id,
+    confirmed_releases,
     read_ledger,
 )
 
@@ -112,8 +115,13 @@ class GraspRepository:
         return cls.open(path)
 
     @classmethod
-    def open(cls, path: str | Location) -> GraspRepository:
+    def open(cls, path: str | Location, *, check: bool = True) -> GraspRepository:
         """Open an existing dataset.
+
+        Args:
+            path: Where it is.
+            check: Look whether the branch ``main`` is of a dataset that this handsight can read. Whoever looks at
+                another version at once has no need for it, and each look takes a bucket several requests.
 
         Raises:
             DatasetNotFoundError: Nothing is there.
@@ -121,12 +129,12 @@ class GraspRepository:
             SchemaError: The dataset was written by a newer handsight.
         """
         path = location_of(path)
-        if not is_icechunk_folder(path):
+        opened = open_store(path)
+        if opened is None:
             raise no_dataset_at(path)
-        with icechunk_errors(f"cannot open {path}"):
-            repository = cls(path, icechunk.Repository.open(storage_at(path)))
-            attributes = repository.root(repository.resolve(DEFAULT_REF)).attrs.asdict()
-        check_schema(path, attributes.get("schema_version"))
+        repository = cls(path, opened)
+        if check:
+            check_schema(path, repository._root_of_branch(DEFAULT_REF).attrs.asdict().get("schema_version"))
         return repository
 
     @classmethod
@@ -150,11 +158,11 @@ class GraspRepository:
             )
         return self.path
 
-    @property
+    @cached_property
     def side_folder(self) -> Path:
         """Local folder for caches of this dataset; it need not exist, and may be deleted at any time."""
         if isinstance(self.path, S3Prefix):
-            uuid = str(self.root(self.resolve(DEFAULT_REF)).attrs["dataset_uuid"])
+            uuid = str(self._root_of_branch(DEFAULT_REF).attrs["dataset_uuid"])
             return cache_folder() / "datasets" / uuid
         return self.path / SIDE_FOLDER
 
@@ -164,8 +172,8 @@ class GraspRepository:
         Raises:
             RefNotFoundError: There is no such branch.
         """
-        self._check_branch(branch)
-        with icechunk_errors(f"cannot look up branch {branch!r} of {self.path}"):
+        self.check_process()
+        with icechunk_errors(f"cannot look up branch {branch!r} of {self.path}"), branch_of(self.path, branch):
             return self._icechunk.lookup_branch(branch)
 
     @property
@@ -177,37 +185,37 @@ class GraspRepository:
     def branches(self) -> dict[str, str]:
         """Snapshot id of each branch by name, sorted."""
         self.check_process()
-        with icechunk_errors(f"cannot list the branches of {self.path}"):
-            names = self._branch_names()
-            return {name: self._icechunk.lookup_branch(name) for name in names}
+        _, names = version_names(self.path)
+        return self._tips(names)
 
     def releases(self) -> dict[str, Release]:
         """Releases by name, sorted."""
-        tags = self._tags()
-        return read_ledger(self.ledger(), tags) if tags else {}
+        self.check_process()
+        names, _ = version_names(self.path)
+        return read_ledger(self.ledger(), self._released(names)) if names else {}
 
     def resolve(self, ref: str) -> str:
-        """The snapshot id that a release, a branch or a snapshot id names, looked up in this order.
+        """The snapshot id that a release or a branch names, looked up in this order, or that is one itself.
 
         Raises:
             RefNotFoundError: None of them has that name; the message lists those that exist.
         """
-        self.check_process()
-        with icechunk_errors(f"cannot look up {ref!r} in {self.path}"):
-            snapshot_id = _looked_up(self._icechunk.lookup_tag, self._icechunk.list_tags, ref)
-            if snapshot_id is None and not is_internal(ref):
-                snapshot_id = _looked_up(self._icechunk.lookup_branch, self._icechunk.list_branches, ref)
-        if snapshot_id is not None:
-            return snapshot_id
-        if is_snapshot_id(ref) and self.has_snapshot(ref):
-            return ref
-        releases, branches = self._names()
-        known = f"releases: {', '.join(releases) or 'none'}; branches: {', '.join(branches)}"
-        raise RefNotFoundError(f"{self.path} has no release, branch or snapshot {ref!r} ({known})")
+        return self._version(ref).snapshot_id
+
+    def version(self, ref: str) -> tuple[str, zarr.Group]:
+        """As :meth:`resolve`, with the root group of the version, read-only.
+
+        Raises:
+            RefNotFoundError: There is no such ref.
+            CorruptDataError: The root group is damaged.
+        """
+        session = self._version(ref)
+        return session.snapshot_id, self._root_of(session)
 
     def is_taken(self, name: str) -> bool:
         """Whether a release or a branch has that name."""
-        return any(name in names for names in self._names())
+        self.check_process()
+        return version_named(self._icechunk, self.path, name) is not None
 
     def release(self, name: str, ref: str = DEFAULT_REF, message: str = "") -> Release:
         """Give a snapshot a name for good. A release can be neither moved nor made again under its name.
@@ -228,7 +236,7 @@ class GraspRepository:
 
     def ledger(self) -> zarr.Group:
         """The root of the ledger, read-only (releases.py)."""
-        return self.root(self.tip(LEDGER_BRANCH))
+        return self._root_of_branch(LEDGER_BRANCH)
 
     def change_ledger(self, message: str, change: Callable[[zarr.Group], None]) -> None:
         """Commit a change to the ledger, after others that reach a bucket at the same time."""
@@ -253,7 +261,8 @@ class GraspRepository:
     def logs(self, snapshot_ids: Iterable[str]) -> Iterator[list[LogEntry]]:
         """As :meth:`log` for some snapshots, one after another; releases and branches are looked up once for all."""
         refs: dict[str, list[str]] = {}
-        for name, target in (*self._tags().items(), *self.branches().items()):
+        releases, branches = version_names(self.path)
+        for name, target in (*self._released(releases).items(), *self._tips(branches).items()):
             refs.setdefault(target, []).append(name)
         for snapshot_id in snapshot_ids:
             with icechunk_errors(f"cannot read the history of {self.path}"):
@@ -275,13 +284,7 @@ class GraspRepository:
         """The root group of a snapshot, read-only."""
         self.check_process()
         with icechunk_errors(f"cannot read snapshot {snapshot_id} of {self.path}"):
-            transaction = self._icechunk.readonly_session(snapshot_id=snapshot_id)
-            try:
-                return zarr.open_group(transaction.store, mode="r")
-            except FileNotFoundError as error:
-                raise NotADatasetError(f"{self.path} holds no root group, expected a handsight dataset") from error
-            except (TypeError, ValueError) as error:
-                raise CorruptDataError(f"the root of {self.path}@{snapshot_id} is damaged: {error}") from error
+            return self._root_of(self._icechunk.readonly_session(snapshot_id=snapshot_id))
 
     def writable(self, branch: str) -> icechunk.Session:
         """A transaction whose changes :meth:`commit` will put onto the branch; Icechunk calls it a session.
@@ -289,8 +292,8 @@ class GraspRepository:
         Raises:
             RefNotFoundError: There is no such branch.
         """
-        self._check_branch(branch)
-        with icechunk_errors(f"cannot write to branch {branch!r} of {self.path}"):
+        self.check_process()
+        with icechunk_errors(f"cannot write to branch {branch!r} of {self.path}"), branch_of(self.path, branch):
             return self._icechunk.writable_session(branch)
 
     def commit(
@@ -371,24 +374,47 @@ class GraspRepository:
                 "workers with the 'spawn' or 'forkserver' method and open the dataset in each of them"
             )
 
-    def _check_branch(self, branch: str) -> None:
+    def _version(self, ref: str) -> icechunk.Session:
         self.check_process()
-        if branch not in self._icechunk.list_branches():
-            raise RefNotFoundError(f"{self.path} has no branch {branch!r} (branches: {', '.join(self._names()[1])})")
+        session = version_named(self._icechunk, self.path, ref)
+        if session is not None:
+            return session
+        releases, branches = version_names(self.path)
+        known = f"releases: {', '.join(releases) or 'none'}; branches: {', '.join(branches)}"
+        raise RefNotFoundError(f"{self.path} has no release, branch or snapshot {ref!r} ({known})")
 
-    def _names(self) -> tuple[list[str], list[str]]:
-        """Names of the releases and of the branches, each sorted."""
+    def _root_of_branch(self, branch: str) -> zarr.Group:
         self.check_process()
-        with icechunk_errors(f"cannot list the releases and branches of {self.path}"):
-            return sorted(self._icechunk.list_tags()), self._branch_names()
+        with icechunk_errors(f"cannot read branch {branch!r} of {self.path}"):
+            with branch_of(self.path, branch):
+                session = self._icechunk.readonly_session(branch)
+            return self._root_of(session)
 
-    def _branch_names(self) -> list[str]:
-        return sorted(name for name in self._icechunk.list_branches() if not is_internal(name))
+    def _root_of(self, session: icechunk.Session) -> zarr.Group:
+        with icechunk_errors(f"cannot read snapshot {session.snapshot_id} of {self.path}"):
+            try:
+                return zarr.open_group(session.store, mode="r")
+            except FileNotFoundError as error:
+                raise NotADatasetError(f"{self.path} holds no root group, expected a handsight dataset") from error
+            except (TypeError, ValueError) as error:
+                fault = f"the root of {self.path}@{session.snapshot_id} is damaged: {error}"
+                raise CorruptDataError(fault) from error
 
-    def _tags(self) -> dict[str, str]:
-        self.check_process()
-        with icechunk_errors(f"cannot list the releases of {self.path}"):
-            return {name: self._icechunk.lookup_tag(name) for name in sorted(self._icechunk.list_tags())}
+    def _released(self, names: Sequence[str]) -> dict[str, str]:
+        """The snapshot id of each of these releases.
+
+        Those that the ledger knows are read from it, which is one file, and the others from theirs.
+        """
+        known: dict[str, str | None] = {}
+        if names:
+            with suppress(CorruptDataError, RefNotFoundError, StorageError):  # Then each tag has to say it.
+                known = confirmed_releases(self.ledger())
+        with icechunk_errors(f"cannot look up the releases of {self.path}"):
+            return {name: known.get(name) or self._icechunk.lookup_tag(name) for name in names}
+
+    def _tips(self, names: Sequence[str]) -> dict[str, str]:
+        with icechunk_errors(f"cannot look up the branches of {self.path}"):
+            return lookup_branches(self._icechunk, names)
 
     def has_snapshot(self, snapshot_id: str) -> bool:
         """Whether there is a snapshot of that id, whatever leads to it."""
@@ -398,16 +424,11 @@ class GraspRepository:
             return False
         return True
 
-
-def _looked_up(lookup: Callable[[str], str], names: Callable[[], set[str]], name: str) -> str | None:
-    """The snapshot id behind a tag or a branch; None where there is none of that name.
-
-    Icechunk has one error for whatever goes wrong: unless that says plainly that there is no such ref, the names, of
-    which the store is asked only then, decide whether it is passed on.
-    """
-    try:
-        return lookup(name)
-    except icechunk.IcechunkError as error:
-        if headline(error).startswith("ref not found") or name not in names():
-            return None
-        raise
+    def is_stored(self, snapshot_id: str) -> bool:
+        """As :meth:`has_snapshot`, but asks the disk or bucket anew; what cannot be asked counts as there."""
+        self.check_process()
+        try:
+            self._icechunk.readonly_session(snapshot_id=snapshot_id)
+        except icechunk.IcechunkError as error:
+            return not headline(error).startswith("snapshot not found")
+        return True

@@ -7,6 +7,9 @@ first one and tells until its last commit that it is at work. A registration is 
 No lock reaches from machine to machine over a bucket, so there a branch stands for the writer as well. It begins at the
 version that the writer found, and says when and where the writer began. Only the writer's own machine can tell that it
 is gone; elsewhere it counts until somebody who knows better says so.
+
+Whoever reads a version for long registers in the same way (readers.py). In a bucket its branch leads to the version
+that it reads, and so keeps that by itself.
 """
 
 from __future__ import annotations
@@ -23,38 +26,42 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
+import icechunk
 from ulid import ULID
 
 from handsight.datasets.address import DEFAULT_REF, S3Prefix
-from handsight.datasets.errors import StorageError
+from handsight.datasets.errors import RefNotFoundError, StorageError
 from handsight.datasets.held import HeldFile, is_held, remove_abandoned
-from handsight.datasets.store.icechunk_engine import icechunk_errors
+from handsight.datasets.store.icechunk_engine import icechunk_errors, is_missing_ref
 from handsight.datasets.store.leftovers import WRITERS_FOLDER
-from handsight.datasets.store.releases import WRITER_PREFIX
+from handsight.datasets.store.refs import ref_names
+from handsight.datasets.store.releases import READER_PREFIX, WRITER_PREFIX
 from handsight.datasets.store.repository import GraspRepository
 
 _COARSEST_FILE_TIME = timedelta(seconds=2)
 _FARTHEST_CLOCK = timedelta(minutes=15)
 """An object store refuses requests from clocks that are further off than this."""
 _ULID = re.compile(r"[0-7][0-9A-HJKMNP-TV-Z]{25}")
-_BRANCH = re.compile(rf"{re.escape(WRITER_PREFIX)}({_ULID.pattern})\.(.*)-(\d+)")
+_BRANCH = re.compile(rf"(?:{re.escape(WRITER_PREFIX)}|{re.escape(READER_PREFIX)})({_ULID.pattern})\.(.*)-(\d+)")
 
 _log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Writer:
-    """Somebody who is, or in a bucket may be, writing to a dataset."""
+    """Somebody who is, or in a bucket may be, writing to a dataset, or reading a version of it for long."""
 
     id: str
     what: str
-    """What it does, such as ``import grasps.hdf5``; of a writer elsewhere no more is known than that it writes."""
+    """What it does, such as ``import grasps.hdf5``; elsewhere no more is known than whether it writes or reads."""
     session: str | None
     """The session that it records; None for any other work."""
     host: str
     pid: int
     begun: datetime
     """UTC. Nothing that it has written is older, by the clock of the disk or bucket."""
+    reads: str | None = None
+    """Snapshot id of the version that it reads; None for one that writes."""
 
 
 class Registration:
@@ -89,21 +96,26 @@ def register(repository: GraspRepository, what: str, *, session: str | None = No
         DatasetBusyError: Garbage is being collected, for too long.
         StorageError: The disk is not writable, or the bucket not within reach.
     """
-    writer_id = str(ULID())
-    in_bucket = isinstance(repository.path, S3Prefix)
-    folder = repository.side_folder / WRITERS_FOLDER
-    pid, host = os.getpid(), socket.gethostname()
-    said = {"what": what, "session": session, "host": host, "pid": pid, "begun": _moment_of(writer_id).isoformat()}
     # A collection that goes on has looked for writers already.
     with repository.locked():
-        held = _held(folder, writer_id, json.dumps(said), outlives_loss=in_bucket)
-    branch = None
-    if in_bucket:
-        branch = f"{WRITER_PREFIX}{writer_id}.{re.sub('[^A-Za-z0-9_-]', '-', host)[:64]}-{pid}"
-        with icechunk_errors(f"cannot register as a writer to {repository.path}"):
-            engine = repository.icechunk_repository
-            engine.create_branch(branch, engine.lookup_branch(DEFAULT_REF))
-    return Registration(repository, writer_id, held, branch)
+        return _enter(repository, WRITER_PREFIX, None, {"what": what, "session": session})
+
+
+def register_reader(repository: GraspRepository, snapshot_id: str, what: str) -> Registration:
+    """Enter somebody who reads a version for long among those at work.
+
+    It waits for nobody: expiry and collection leave alone for now what a name leads to, and look for readers anew when
+    they come again.
+
+    Args:
+        repository: The dataset.
+        snapshot_id: The version that is read.
+        what: What it does, for people.
+
+    Raises:
+        StorageError: The disk is not writable, or the bucket not within reach.
+    """
+    return _enter(repository, READER_PREFIX, snapshot_id, {"what": what, "reads": snapshot_id})
 
 
 @contextmanager
@@ -132,7 +144,13 @@ def writers_at_work(repository: GraspRepository) -> list[Writer]:
     if not isinstance(repository.path, S3Prefix):
         return [one for file in _files(folder) if is_held(file) and (one := _from_file(file)) is not None]
     found = []
-    for writer in _branches(repository).values():
+    for branch, writer in _branches(repository).items():
+        if branch.startswith(READER_PREFIX):
+            try:
+                reads = repository.tip(branch)
+            except RefNotFoundError:
+                continue  # It has just ended.
+            writer = replace(writer, what="read", reads=reads)
         file = folder / f"{writer.id}.json"
         if is_held(file):
             # Of a process of this machine the file says more.
@@ -159,6 +177,28 @@ def forget_dead_writers(repository: GraspRepository, ignored: frozenset[str] = f
     for file in _files(folder):
         with suppress(OSError):
             remove_abandoned(file)
+
+
+def _enter(
+    repository: GraspRepository, prefix: str, snapshot_id: str | None, said: dict[str, str | None]
+) -> Registration:
+    writer_id = str(ULID())
+    in_bucket = isinstance(repository.path, S3Prefix)
+    pid, host = os.getpid(), socket.gethostname()
+    said |= {"host": host, "begun": _moment_of(writer_id).isoformat()}
+    folder = repository.side_folder / WRITERS_FOLDER
+    held = _held(folder, writer_id, json.dumps({**said, "pid": pid}), outlives_loss=in_bucket)
+    branch = None
+    if in_bucket:
+        branch = f"{prefix}{writer_id}.{re.sub('[^A-Za-z0-9_-]', '-', host)[:64]}-{pid}"
+        try:
+            with icechunk_errors(f"cannot register with {repository.path}"):
+                engine = repository.icechunk_repository
+                engine.create_branch(branch, snapshot_id or engine.lookup_branch(DEFAULT_REF))
+        except StorageError:
+            held.release()
+            raise
+    return Registration(repository, writer_id, held, branch)
 
 
 def _held(folder: Path, writer_id: str, content: str, *, outlives_loss: bool) -> HeldFile:
@@ -192,12 +232,12 @@ def _from_file(file: Path) -> Writer | None:
         pid=said.get("pid", 0),
         # By both clocks: a file server has its own, and that one dates the chunks.
         begun=min(_moment_of(file.stem), datetime.fromtimestamp(changed, UTC)) - _COARSEST_FILE_TIME,
+        reads=said.get("reads"),
     )
 
 
 def _branches(repository: GraspRepository) -> dict[str, Writer]:
-    with icechunk_errors(f"cannot list the writers to {repository.path}"):
-        names = sorted(repository.icechunk_repository.list_branches())
+    _, names = ref_names(repository.path)
     return {name: writer for name in names if (writer := _from_branch(name)) is not None}
 
 
@@ -217,9 +257,11 @@ def _from_branch(name: str) -> Writer | None:
 
 def _delete_branch(repository: GraspRepository, branch: str) -> None:
     with icechunk_errors(f"cannot take back the entry {branch} of a writer to {repository.path}"):
-        engine = repository.icechunk_repository
-        if branch in engine.list_branches():
-            engine.delete_branch(branch)
+        try:
+            repository.icechunk_repository.delete_branch(branch)
+        except icechunk.IcechunkError as error:
+            if not is_missing_ref(error):  # Somebody else has taken it back.
+                raise
 
 
 def _moment_of(writer_id: str) -> datetime:

@@ -11,7 +11,7 @@ import os
 import signal
 import sys
 from collections.abc import Callable
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime
 from pathlib import Path
 from subprocess import PIPE, Popen
 
@@ -19,6 +19,7 @@ import cv2
 import numpy as np
 import pytest
 from tests.support.factories import make_attempt, make_header, make_station, record
+from tests.support.garbage import AHEAD, delete_unawares, delete_what_is_old, waiting_import
 
 from handsight.datasets import (
     GraspDataset,
@@ -27,7 +28,6 @@ from handsight.datasets import (
     SessionWriter,
     StorageError,
     collect_garbage,
-    expire,
     export_dataset,
     import_dataset,
     verify,
@@ -36,7 +36,6 @@ from handsight.datasets.exchange.merge import merge
 from handsight.datasets.format.header import station_to_json
 
 SIZE = 40
-AHEAD = timedelta(hours=2)
 HEADER = make_header(width=64, height=48)
 """Large enough that pictures are chunks of their own."""
 OTHER = make_header(seed=2, width=64, height=48)
@@ -56,20 +55,6 @@ def target(repository: GraspRepository) -> GraspRepository:
     """A dataset that holds another session."""
     record(repository, OTHER, [make_attempt(OTHER, 0)])
     return repository
-
-
-def delete_what_is_old(path: Path) -> int:
-    """Expire and collect what can be; returns how many chunks went."""
-    repository = GraspRepository.open(path)
-    expire(repository, datetime.now(UTC) + AHEAD, dry_run=False)
-    return collect_garbage(repository, datetime.now(UTC) + AHEAD, dry_run=False, grace=-AHEAD).chunks
-
-
-def delete_unawares(path: Path) -> None:
-    """As a program would that knows of no writers."""
-    engine = GraspRepository.open(path).icechunk_repository
-    engine.expire_snapshots(datetime.now(UTC) + AHEAD)
-    engine.garbage_collect(datetime.now(UTC) + AHEAD)
 
 
 def write_images(folder: Path) -> None:
@@ -118,26 +103,11 @@ def test_a_transfer_outlasts_any_collection(
     assert delete_what_is_old(target.folder) == 0, "everything that was written is in the dataset"
 
 
-STOPPED = """
-import sys
-from handsight.datasets import import_dataset
-source, target = sys.argv[1:]
-done = 0
-def tell():
-    global done
-    done += 1
-    if done == 16:
-        print("half way", flush=True)
-        sys.stdin.readline()
-print("added", import_dataset(source, target, on_attempt=tell).transfer.attempts)
-"""
-
-
 def test_an_import_that_sleeps_for_hours_is_still_at_work(
     recorded: GraspDataset, target: GraspRepository, tmp_path: Path
 ) -> None:
     export_dataset(recorded, tmp_path / "out.hdf5", format="hdf5")
-    command = [sys.executable, "-P", "-c", STOPPED, str(tmp_path / "out.hdf5"), str(target.path)]
+    command = waiting_import(tmp_path / "out.hdf5", target.path)
     with Popen(command, stdin=PIPE, stdout=PIPE, text=True) as importer:
         assert importer.stdout is not None
         assert importer.stdout.readline() == "half way\n"
@@ -158,7 +128,7 @@ def test_what_a_killed_import_wrote_is_garbage_at_once(
     recorded: GraspDataset, target: GraspRepository, tmp_path: Path
 ) -> None:
     export_dataset(recorded, tmp_path / "out.hdf5", format="hdf5")
-    command = [sys.executable, "-P", "-c", STOPPED, str(tmp_path / "out.hdf5"), str(target.path)]
+    command = waiting_import(tmp_path / "out.hdf5", target.path)
     with Popen(command, stdin=PIPE, stdout=PIPE, text=True) as importer:
         assert importer.stdout is not None
         assert importer.stdout.readline() == "half way\n"

@@ -139,7 +139,7 @@ def test_looking_up_a_ref_asks_for_that_one(spied: tuple[GraspRepository, Spy], 
     spy.calls.clear()
     assert repository.resolve(tip if ref == "snapshot" else ref) == tip
     assert spy.calls.total() <= 3
-    assert set(spy.calls) <= {"lookup_tag", "lookup_branch", "lookup_snapshot", "list_tags", "list_branches"}
+    assert set(spy.calls) <= {"readonly_session"}
 
 
 def test_each_ref_is_looked_up_once_for_the_log_or_for_several(spied: tuple[GraspRepository, Spy]) -> None:
@@ -156,11 +156,14 @@ def test_each_ref_is_looked_up_once_for_the_log_or_for_several(spied: tuple[Gras
 def test_a_ref_that_cannot_be_read_is_not_taken_for_one_that_is_missing(
     spied: tuple[GraspRepository, Spy], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def unreachable(name: str) -> str:
-        raise icechunk.IcechunkError("object store error")
-
     repository, spy = spied
-    monkeypatch.setattr(spy, "lookup_tag", unreachable, raising=False)
+
+    def unreachable(branch: str | None = None, *, tag: str | None = None) -> icechunk.Session:
+        if tag is not None:
+            raise icechunk.IcechunkError("object store error")
+        return spy.asked.readonly_session(branch)
+
+    monkeypatch.setattr(spy, "readonly_session", unreachable, raising=False)
     with pytest.raises(StorageError, match=r"cannot look up 'v7' in .*: object store error"):
         repository.resolve("v7")
     assert repository.resolve("main") == repository.branches()["main"]
