@@ -18,12 +18,13 @@ import zarr
 from handsight.datasets.address import Location
 from handsight.datasets.curation.folds import FOLDS
 from handsight.datasets.errors import StorageError
-from handsight.datasets.format.arrays import READ_FAILURES, array_at, group_at, read_all
+from handsight.datasets.format.arrays import READ_FAILURES, array_at, damage_or_trouble, group_at, read_all
 from handsight.datasets.format.decisions import CURATION
 from handsight.datasets.format.saved_filters import FILTERS_GROUP
 from handsight.datasets.format.schema import COLUMNS, SESSIONS, ColumnWidths
 from handsight.datasets.format.sessions import attribute_damage
 from handsight.datasets.integrity.attempt_checks import AttemptChecker, AttemptRange, Checked
+from handsight.datasets.machine import machine_blamed
 from handsight.datasets.reading.reader import GraspDataset
 from handsight.datasets.store.agreement import lost_refs
 from handsight.datasets.store.repository import GraspRepository
@@ -73,7 +74,7 @@ def verify(dataset: GraspDataset, *, jobs: int = 1, on_checked: Callable[[int], 
 
     Raises:
         CorruptDataError: The list of sessions itself cannot be read.
-        StorageError: A process ended before its time.
+        StorageError: The machine cannot read, so that what is damaged is not known; or a process ended before its time.
         ForkedProcessError: The dataset was opened in another process.
     """
     root = dataset.root
@@ -103,7 +104,8 @@ def _spread(dataset: GraspDataset, ranges: Sequence[AttemptRange], workers: int)
     """What processes find, in the order of the ranges. Threads would share one interpreter and wait for it."""
     pool = process_pool(workers, _open_checker, dataset.repository.path, dataset.snapshot_id)
     try:
-        yield from pool.map(_check, ranges)
+        with machine_blamed("no process can be started to verify attempts"):
+            yield from pool.map(_check, ranges)
     except BrokenExecutor as error:
         raise StorageError(
             "a process that verified attempts ended before its time, perhaps for lack of memory: use fewer with --jobs"
@@ -137,7 +139,12 @@ def _damage_beside(root: zarr.Group) -> Iterator[str]:
                 if isinstance(node, zarr.Array):
                     read_all(node)
     except READ_FAILURES as error:
-        yield str(error)
+        if isinstance(error, StorageError):
+            raise
+        found = damage_or_trouble(error, trouble="what lies beside the attempts cannot be read", damage=str(error))
+        if isinstance(found, StorageError):
+            raise found from error
+        yield str(found)
 
 
 def _session_faults(group: zarr.Group) -> list[str]:

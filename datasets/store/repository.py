@@ -27,6 +27,7 @@ from handsight.datasets.errors import (
     SessionConflictError,
     headline,
 )
+from handsight.datasets.machine import of_the_machine
 from handsight.datasets.store.icechunk_engine import (
     icechunk_errors,
     publish,
@@ -279,8 +280,12 @@ class GraspRepository:
             try:
                 return zarr.open_group(transaction.store, mode="r")
             except FileNotFoundError as error:
+                if trouble := of_the_machine(f"the root of {self.path}@{snapshot_id} cannot be read", error):
+                    raise trouble from error
                 raise NotADatasetError(f"{self.path} holds no root group, expected a handsight dataset") from error
-            except (TypeError, ValueError) as error:
+            except (TypeError, ValueError, RuntimeError, OSError) as error:
+                if trouble := of_the_machine(f"the root of {self.path}@{snapshot_id} cannot be read", error):
+                    raise trouble from error
                 raise CorruptDataError(f"the root of {self.path}@{snapshot_id} is damaged: {error}") from error
 
     def writable(self, branch: str) -> icechunk.Session:
@@ -391,10 +396,16 @@ class GraspRepository:
             return {name: self._icechunk.lookup_tag(name) for name in sorted(self._icechunk.list_tags())}
 
     def has_snapshot(self, snapshot_id: str) -> bool:
-        """Whether there is a snapshot of that id, whatever leads to it."""
+        """Whether there is a snapshot of that id that can be read, whatever leads to it.
+
+        Raises:
+            StorageError: The machine cannot tell.
+        """
         try:
             self._icechunk.lookup_snapshot(snapshot_id)
-        except icechunk.IcechunkError:
+        except icechunk.IcechunkError as error:
+            if trouble := of_the_machine(f"snapshot {snapshot_id} of {self.path} cannot be read", error):
+                raise trouble from error
             return False
         return True
 
