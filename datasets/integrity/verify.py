@@ -8,7 +8,7 @@ checksum alone.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from concurrent.futures import BrokenExecutor
 from dataclasses import dataclass
 
@@ -19,7 +19,7 @@ from handsight.datasets.address import Location
 from handsight.datasets.curation.folds import FOLDS
 from handsight.datasets.errors import StorageError
 from handsight.datasets.format.arrays import READ_FAILURES, array_at, damage_or_trouble, group_at, read_all
-from handsight.datasets.format.decisions import CURATION
+from handsight.datasets.format.decisions import CURATION, read_overlay
 from handsight.datasets.format.saved_filters import FILTERS_GROUP
 from handsight.datasets.format.schema import COLUMNS, SESSIONS, ColumnWidths
 from handsight.datasets.format.sessions import attribute_damage
@@ -77,8 +77,22 @@ def verify(dataset: GraspDataset, *, jobs: int = 1, on_checked: Callable[[int], 
         StorageError: The machine cannot read, so that what is damaged is not known; or a process ended before its time.
         ForkedProcessError: The dataset was opened in another process.
     """
-    root = dataset.root
-    whole = [AttemptRange(session.ulid, 0, session.attempts) for session in dataset.sessions]
+    sessions = [session.ulid for session in dataset.sessions]
+    total = check_sessions(dataset, sessions, jobs=jobs, on_checked=on_checked)
+    return VerifyReport(
+        checked=total.attempts,
+        bytes=total.bytes,
+        faults=total.faults,
+        damage=tuple(damage_beside(dataset.root)),
+        lost_refs=tuple(one.fault for one in lost_refs(dataset.repository)),
+    )
+
+
+def check_sessions(
+    dataset: GraspDataset, sessions: Collection[str], *, jobs: int, on_checked: Callable[[int], None] | None = None
+) -> Checked:
+    """Read every byte of the attempts of some sessions; arguments and errors as for :func:`verify`."""
+    whole = [AttemptRange(one.ulid, 0, one.attempts) for one in dataset.sessions if one.ulid in sessions]
     ranges = [piece for session in whole for piece in session.cut(_RANGE)]
     attempts = sum(session.stop for session in whole)
     workers = min(jobs, max(1, attempts // _WORTH_A_PROCESS))
@@ -90,14 +104,7 @@ def verify(dataset: GraspDataset, *, jobs: int = 1, on_checked: Callable[[int], 
         checked += part.attempts
         if on_checked is not None:
             on_checked(checked)
-    total = Checked.merged(parts)
-    return VerifyReport(
-        checked=total.attempts,
-        bytes=total.bytes,
-        faults=total.faults,
-        damage=tuple(_damage_beside(root)),
-        lost_refs=tuple(one.fault for one in lost_refs(dataset.repository)),
-    )
+    return Checked.merged(parts)
 
 
 def _spread(dataset: GraspDataset, ranges: Sequence[AttemptRange], workers: int) -> Iterator[Checked]:
@@ -127,8 +134,12 @@ def _check(attempts: AttemptRange) -> Checked:
     return checker.check(attempts)
 
 
-def _damage_beside(root: zarr.Group) -> Iterator[str]:
-    """Reads what the dataset holds beside its attempts: how sessions are described, curation, filters, folds."""
+def damage_beside(root: zarr.Group) -> Iterator[str]:
+    """What is damaged beside the attempts, all of it read: how sessions are described, curation, filters, folds.
+
+    Raises:
+        StorageError: The machine cannot read.
+    """
     try:
         for ulid, session in sorted(group_at(root, SESSIONS).groups()):
             yield from (f"session {ulid}: {fault}" for fault in _session_faults(session))
@@ -138,6 +149,7 @@ def _damage_beside(root: zarr.Group) -> Iterator[str]:
             for _, node in sorted(group_at(root, name).members(max_depth=None)):
                 if isinstance(node, zarr.Array):
                     read_all(node)
+        read_overlay(root)
     except READ_FAILURES as error:
         if isinstance(error, StorageError):
             raise

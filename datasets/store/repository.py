@@ -124,11 +124,22 @@ class GraspRepository:
         path = location_of(path)
         if not is_icechunk_folder(path):
             raise no_dataset_at(path)
+        repository = cls.open_unread(path)
         with icechunk_errors(f"cannot open {path}"):
-            repository = cls(path, icechunk.Repository.open(storage_at(path)))
             attributes = repository.root(repository.resolve(DEFAULT_REF)).attrs.asdict()
         check_schema(path, attributes.get("schema_version"))
         return repository
+
+    @classmethod
+    def open_unread(cls, path: Location) -> GraspRepository:
+        """Open what is known to be a dataset without reading any version, for whoever looks for damage.
+
+        Raises:
+            CorruptDataError: Icechunk cannot begin with it: its configuration or the branch ``main`` is damaged.
+            StorageError: The machine cannot read.
+        """
+        with icechunk_errors(f"cannot open {path}"):
+            return cls(path, icechunk.Repository.open(storage_at(path)))
 
     @classmethod
     def open_or_create(cls, path: str | Location) -> GraspRepository:
@@ -322,7 +333,9 @@ class GraspRepository:
             if check is not None:
                 check(self.root(tip))
 
-        what: dict[str, Any] = {"branch": branch, "message": message, "metadata": metadata or {}}
+        # A branch's name stands in its commits as well, so that two branches whose files changed places are noticed.
+        noted = {**(metadata or {}), "branch": branch}
+        what: dict[str, Any] = {"branch": branch, "message": message, "metadata": noted}
         with self.locked(), icechunk_errors(f"cannot commit to {self.path}"):
             if not transaction.has_uncommitted_changes:
                 return self._icechunk.lookup_branch(branch)
