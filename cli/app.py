@@ -112,9 +112,9 @@ def run(arguments: Sequence[str] | None = None) -> int:
     except Exception as error:
         if INTERRUPTS.count:
             return INTERRUPTED  # Somebody on the way has made another error of Ctrl-C.
-        from handsight.cli.errors import EXPECTED, report  # imports every room, which only a failure should pay for
+        from handsight.cli.errors import is_expected, report  # imports every room, which only a failure should pay for
 
-        if not isinstance(error, EXPECTED):
+        if not is_expected(error):
             raise
         report(error)
         return 2

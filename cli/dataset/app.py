@@ -151,7 +151,7 @@ COMMANDS = (
         "verify",
         "dataset.integrity:verify_command",
         "Compare every stored byte with what was recorded.",
-        ("handsight dataset verify grasps -j 4",),
+        ("handsight dataset verify grasps -j 4", "handsight dataset verify grasps --all"),
     ),
     LazyCommand(
         "repair",

@@ -15,7 +15,7 @@ import typer
 
 from handsight.cli.dataset.author import author_named
 from handsight.cli.errors import CommandError
-from handsight.cli.opening import open_repository, open_version
+from handsight.cli.opening import checked_address, open_repository, open_version
 from handsight.cli.options import (
     MOST_ATTEMPTS,
     MOST_WORKERS,
@@ -27,7 +27,7 @@ from handsight.cli.options import (
     NewBranch,
     Seed,
 )
-from handsight.cli.output import console, print_json, print_table, progress_bar
+from handsight.cli.output import console, escaped, print_json, print_table, progress_bar
 from handsight.datasets.address import S3Prefix
 from handsight.datasets.errors import counted
 
@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     # These take a second to import; a command does so once its dataset is known to be there.
     from handsight.datasets.integrity.repair import ResimulateAttempt
     from handsight.datasets.integrity.verify import VerifyReport
+    from handsight.datasets.integrity.verify_all import AllReport
     from handsight.datasets.reading.reader import GraspDataset
     from handsight.datasets.store.repository import GraspRepository
     from handsight.datasets.store.writers import Writer
@@ -102,9 +103,16 @@ def verify_command(
     jobs: Annotated[
         int, typer.Option("--jobs", "-j", min=0, max=MOST_WORKERS, help="Processes; 0 takes one for each core.")
     ] = 0,
+    everything: Annotated[
+        bool,
+        typer.Option("--all", help="Every branch, release, ancestor, transaction log and the ledger."),
+    ] = False,
     as_json: Json = False,
 ) -> None:
     """Read every stored byte and compare it with what was recorded; exit 1 when something is damaged."""
+    if everything:
+        _verify_all(dataset, jobs, as_json=as_json)
+        return
     report = _verified(open_version(dataset), jobs)
     if as_json:
         print_json(
@@ -232,6 +240,40 @@ def _verified(dataset: GraspDataset, jobs: int) -> VerifyReport:
 
     with progress_bar("verify", sum(session.attempts for session in dataset.sessions)) as bar:
         return verify(dataset, jobs=jobs or os.cpu_count() or 1, on_checked=bar.reached)
+
+
+def _verify_all(dataset: str, jobs: int, *, as_json: bool) -> None:
+    address = checked_address(dataset)
+    if "@" in dataset.rstrip("/").rpartition("/")[2]:
+        raise CommandError(f"--all reads every version, and {dataset} names one: leave out @{address.ref}, or --all")
+    from handsight.datasets.integrity.verify_all import verify_all  # a second; see above
+
+    with progress_bar("history", 0) as history, progress_bar("verify", 0) as bar:
+        report = verify_all(
+            address.path,
+            jobs=jobs or os.cpu_count() or 1,
+            on_snapshot=lambda count: history.of(count, count),
+            on_checked=bar.of,
+        )
+    if as_json:
+        print_json({**dataclasses.asdict(report), "corrupt": report.corrupt, "damage": report.damage})
+    else:
+        _print_all_verified(report)
+    if not report.ok:
+        raise typer.Exit(1)
+
+
+def _print_all_verified(report: AllReport) -> None:
+    for attempt, fault in report.faults.items():
+        console.print(f"[bold]{attempt}[/] (in {', '.join(report.damaged_in.get(attempt, ()))}) {escaped(fault)}")
+    for line in (*report.damage, *map(str, report.files), *report.lost_refs, *report.unread):
+        console.print(line, markup=False)
+    found = len(report.damage) + len(report.files) + len(report.lost_refs)
+    verdict = "as recorded" if report.ok else f"{len(report.corrupt)} corrupt, {counted(found, 'fault')} beside them"
+    console.print(
+        f"{counted(len(report.versions), 'version')}, {counted(report.snapshots, 'snapshot')}, "
+        f"{counted(report.checked, 'attempt')}, {report.bytes / 1e6:.1f} MB read: {verdict}"
+    )
 
 
 def _print_verified(report: VerifyReport) -> None:

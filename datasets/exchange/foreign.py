@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import errno
-import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from handsight.datasets.errors import CorruptDataError, DatasetError, InterchangeError, StorageError, headline
+from handsight.datasets.errors import CorruptDataError, DatasetError, InterchangeError, headline
 from handsight.datasets.exchange.sources import SessionSource
 from handsight.datasets.format.schema import attempt_id
 from handsight.datasets.format.typed import listed
+from handsight.datasets.machine import of_the_machine
 from handsight.datasets.records import GraspAttempt
 
 NOT_UNDERSTOOD = (
@@ -21,17 +20,13 @@ NOT_UNDERSTOOD = (
     AssertionError,
     AttributeError,
     LookupError,
+    MemoryError,
     OSError,
     RuntimeError,
     TypeError,
     ValueError,
 )
 """What readers raise for values of another type, beyond their range, or missing."""
-
-_MACHINE = {
-    *(errno.EACCES, errno.EPERM, errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.EIO, errno.ENOSPC, errno.ESTALE),
-    *(errno.ETIMEDOUT, errno.EDQUOT, errno.EROFS),
-}
 
 
 @contextmanager
@@ -47,21 +42,10 @@ def understood(path: Path, failure: str) -> Iterator[None]:
     except DatasetError:
         raise
     except NOT_UNDERSTOOD as error:
-        if trouble := of_the_machine(path, error):
+        if trouble := of_the_machine(f"{path} cannot be read", error):
             raise trouble from error
         what = headline(error) if isinstance(error, OSError) else f"{type(error).__name__}: {headline(error)}"
         raise InterchangeError(f"{path} {failure}: {what}") from error
-
-
-def of_the_machine(path: Path, error: Exception) -> StorageError | None:
-    """The error of a machine that could not read; None where something was read and is wrong."""
-    if isinstance(error, OSError) and error.errno is not None and error.errno in _MACHINE:
-        # h5py puts its own words into strerror.
-        reason = os.strerror(error.errno)
-        return StorageError(
-            f"{path} cannot be read: {reason}; nothing is known of its content: mend that and try again"
-        )
-    return None
 
 
 def guarded(sources: Sequence[SessionSource], path: Path) -> list[SessionSource]:
@@ -76,7 +60,7 @@ def guarded(sources: Sequence[SessionSource], path: Path) -> list[SessionSource]
         except DatasetError:
             raise
         except NOT_UNDERSTOOD as error:
-            if trouble := of_the_machine(path, error):
+            if trouble := of_the_machine(f"{path} cannot be read", error):
                 raise trouble from error
             raise CorruptDataError(
                 f"attempt {attempt_id(ulid, number)} cannot be read from {path}: {type(error).__name__}: "

@@ -44,7 +44,7 @@ from handsight.datasets.exchange.bundle import (
     refuse_changed,
     schema_of_origin,
 )
-from handsight.datasets.exchange.foreign import guarded, of_the_machine, understood
+from handsight.datasets.exchange.foreign import guarded, understood
 from handsight.datasets.exchange.hdf5_edits import edits_of
 from handsight.datasets.exchange.hdf5_file import new_hdf5_file
 from handsight.datasets.exchange.hdf5_probe import refuse_unreadable
@@ -53,6 +53,7 @@ from handsight.datasets.format.arrays import array_at, group_at, read_rows
 from handsight.datasets.format.rows import frame_of, from_row
 from handsight.datasets.format.schema import COLUMNS, SESSIONS, VIEWPOINTS, Viewpoint, attempt_id, column_widths
 from handsight.datasets.format.upgrades import columns_of, current_attributes, empty_columns
+from handsight.datasets.machine import of_the_machine
 from handsight.datasets.reading.reader import GraspDataset
 from handsight.datasets.records import GraspAttempt, RgbdFrame, SessionHeader
 
@@ -125,7 +126,7 @@ def _opened(path: Path) -> h5py.File:
     except OSError as error:
         if error.errno in _LOCKED:
             raise InterchangeError(f"{path} is open for writing in another program: close it there") from error
-        if trouble := of_the_machine(path, error):
+        if trouble := of_the_machine(f"{path} cannot be read", error):
             raise trouble from error
         if "already open for write" in str(error) or "consistency flags" in str(error):
             raise InterchangeError(
@@ -200,7 +201,9 @@ def _read_attempts(
                 viewpoint: _frame(file, demo, viewpoint, header) if taken[viewpoint] else None
                 for viewpoint in VIEWPOINTS
             }
-        except (KeyError, OSError, RuntimeError, InterchangeError) as error:
+        except (KeyError, OSError, RuntimeError, MemoryError, InterchangeError) as error:
+            if trouble := of_the_machine(f"{file.filename} cannot be read", error):
+                raise trouble from error
             raise CorruptDataError(
                 f"attempt {attempt_id(ulid, number)} cannot be read from {file.filename}: {error}; "
                 "take an undamaged copy"

@@ -12,7 +12,7 @@ import sys
 from pathlib import Path
 
 from handsight.datasets.errors import InterchangeError
-from handsight.datasets.exchange.foreign import of_the_machine
+from handsight.datasets.machine import of_the_machine
 
 _START_S = 3
 """Processor time to start Python and read a small file, many times over."""
@@ -41,7 +41,7 @@ def refuse_unreadable(path: Path) -> None:
     except subprocess.TimeoutExpired:
         ended = -signal.SIGXCPU
     except OSError as error:
-        if trouble := of_the_machine(path, error):
+        if trouble := of_the_machine(f"{path} cannot be read", error):
             raise trouble from error
         raise
     if ended < 0:

@@ -51,6 +51,7 @@ from handsight.datasets.format.quantities import Quantity
 from handsight.datasets.format.sessions import new_session_attributes, sealed_attributes
 from handsight.datasets.format.typed import listed, shown
 from handsight.datasets.format.validation import header_faults
+from handsight.datasets.machine import of_the_machine
 from handsight.datasets.records import (
     PHASES,
     GraspAttempt,
@@ -151,6 +152,8 @@ def _station(path: Path) -> StationSpec:
         # The table has no columns for conditions that another station varied.
         return replace(station_from_json(values), conditions=())
     except (OSError, ValueError, RecursionError) as error:
+        if trouble := of_the_machine(f"{path} cannot be read", error):
+            raise trouble from error
         reason = error.strerror if isinstance(error, OSError) else error
         raise InterchangeError(
             f"{path} is no station spec: {reason}; expected the JSON object that 'handsight dataset show --json' "

@@ -17,7 +17,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from handsight.datasets.errors import CorruptDataError, InterchangeError, counted, headline
+from handsight.datasets.errors import CorruptDataError, DatasetError, InterchangeError, counted, headline
 from handsight.datasets.exchange.bundle import (
     Bundle,
     decisions_from_json,
@@ -42,10 +42,12 @@ from handsight.datasets.exchange.sources import SessionSource, checked_source
 from handsight.datasets.format.rows import from_row
 from handsight.datasets.format.schema import COLUMNS, VIEWPOINTS, Viewpoint, attempt_id, column_widths
 from handsight.datasets.format.upgrades import columns_of, current_attributes, empty_columns
+from handsight.datasets.machine import of_the_machine
 from handsight.datasets.records import GraspAttempt, RgbdFrame, StationSpec
 
-_UNPACKING = (zlib.error, EOFError, RuntimeError)
-"""What ``zipfile`` raises besides, of damaged bytes and of encrypted ones."""
+_UNPACKING = (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError)
+"""What ``zipfile`` raises of damaged bytes and of encrypted ones."""
+_UNREADABLE = (OSError, KeyError, ValueError, TypeError, AttributeError, MemoryError, *_UNPACKING)
 
 _HEADERS = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
 
@@ -73,9 +75,11 @@ def open_bundle(path: Path) -> Iterator[Bundle]:
         refuse_changed(origin, sessions, path)
         decisions = decisions_from_json(origin["decisions"], path)
         edits = edits_of(path, sessions)
-    except (InterchangeError, CorruptDataError):
+    except DatasetError:
         raise
-    except (OSError, KeyError, ValueError, TypeError, AttributeError, zipfile.BadZipFile, *_UNPACKING) as error:
+    except _UNREADABLE as error:
+        if trouble := of_the_machine(f"{path} cannot be read", error):
+            raise trouble from error
         reason = f"{type(error).__name__}: {headline(error)}"
         raise InterchangeError(
             f"{path} lacks what handsight exports beside LeRobot's own files ({reason}): "
@@ -118,7 +122,9 @@ def _rows_in_data(path: Path) -> int:
     for file in sorted(path.glob("data/*/*.parquet")):
         try:
             rows += pq.read_metadata(file).num_rows
-        except (OSError, pa.ArrowException) as error:
+        except (OSError, MemoryError, pa.ArrowException) as error:
+            if trouble := of_the_machine(f"{file} cannot be read", error):
+                raise trouble from error
             raise CorruptDataError(
                 f"attempts cannot be read from {file}: {headline(error)}; take an undamaged copy"
             ) from error
@@ -158,7 +164,9 @@ def _read_attempts(
             assert file is not None
             row = file.row(episode % EPISODES_PER_FILE)
             pictures = {viewpoint: _rgbd_frame(row, viewpoint, columns, number, station) for viewpoint in VIEWPOINTS}
-        except (OSError, KeyError, ValueError, IndexError, TypeError, pa.ArrowException) as error:
+        except (OSError, KeyError, ValueError, IndexError, TypeError, MemoryError, pa.ArrowException) as error:
+            if trouble := of_the_machine(f"{path / name} cannot be read", error):
+                raise trouble from error
             raise CorruptDataError(
                 f"attempt {attempt_id(ulid, number)} cannot be read from {path / name}: {headline(error)}; take an "
                 "undamaged copy"

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from handsight.datasets.errors import InterchangeError
+from handsight.datasets.machine import of_the_machine
 
 _FORMATS = ("PNG", "TIFF", "PPM", "BMP", "WEBP", "JPEG2000", "JPEG")
 """What both libraries read. Whether a file of the last three is lossless, only its owner knows."""
@@ -59,6 +60,8 @@ def _picture(folder: Path, name: str, size: tuple[int, int]) -> NDArray[Any]:
     try:
         picture = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     except cv2.error as error:
+        if trouble := of_the_machine(f"picture {name!r} cannot be decoded", error):
+            raise trouble from error
         raise InterchangeError(f"picture {name!r} cannot be decoded: {error.err or error}") from error
     if picture is None:
         raise InterchangeError(f"picture {name!r} cannot be decoded: take an undamaged copy")
@@ -79,6 +82,8 @@ def _content(folder: Path, name: str, size: tuple[int, int]) -> bytes:
     except (OSError, ValueError, RuntimeError) as error:
         if isinstance(error, InterchangeError):
             raise
+        if trouble := of_the_machine(f"picture {name[:80]!r} cannot be read", error):
+            raise trouble from error
         # A name with a NUL or beyond the length of names, links in a circle, rights.
         raise InterchangeError(
             f"picture {name[:80]!r} cannot be read: {getattr(error, 'strerror', None) or error}"
@@ -94,13 +99,13 @@ def _check_claims(data: bytes, name: str, size: tuple[int, int]) -> None:
             with Image.open(io.BytesIO(data), formats=_FORMATS) as picture:
                 width, height = picture.size
                 picture.verify()
-    except MemoryError:
-        raise
     except Image.DecompressionBombError as error:
         raise InterchangeError(
             f"picture {name!r} claims to be far larger than the station's camera: {error}"
         ) from error
     except Exception as error:  # Pillow's readers raise nearly everything for damaged bytes.
+        if trouble := of_the_machine(f"picture {name!r} cannot be decoded", error):
+            raise trouble from error
         raise InterchangeError(
             f"picture {name!r} cannot be decoded: expected an undamaged file of {', '.join(_FORMATS)}"
         ) from error

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from handsight.datasets.errors import InterchangeError
+from handsight.datasets.machine import of_the_machine
 
 _FORMATS = ("PNG", "TIFF", "JPEG", "WEBP")
 _LZW, _FLOATING_POINT = 5, 3
@@ -52,8 +53,10 @@ def decoded(data: bytes, *, size: tuple[int, int] | None = None, most_pixels: in
             if image.mode in ("RGBA", "P", "CMYK", "YCbCr"):
                 return np.asarray(image.convert("RGB"))
             return np.asarray(image)
-    except (InterchangeError, MemoryError):
+    except InterchangeError:
         raise
     except Exception as error:  # Pillow's readers raise whatever their parsing of damaged bytes happens to.
+        if trouble := of_the_machine("a picture cannot be decoded", error):
+            raise trouble from error
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise InterchangeError(f"a picture cannot be decoded: {reason}") from error

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from handsight.datasets.errors import InterchangeError
 from handsight.datasets.format.typed import listed, shown
+from handsight.datasets.machine import of_the_machine
 
 _OTHER_SEPARATORS = {";": "semicolons", "\t": "tabs", "|": "vertical bars"}
 
@@ -43,6 +44,8 @@ def read_lines(path: Path, *, required: Sequence[str], optional: Sequence[str]) 
             f"{path} is not UTF-8 ({error.reason} at byte {error.start}): save it as UTF-8"
         ) from error
     except OSError as error:
+        if trouble := of_the_machine(f"{path} cannot be read", error):
+            raise trouble from error
         raise InterchangeError(f"{path} cannot be read: {error.strerror or error}") from error
     except (ValueError, csv.Error) as error:
         raise InterchangeError(f"{path} cannot be read as a table: {error}") from error

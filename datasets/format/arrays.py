@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import math
+import os
 import warnings
 from collections.abc import Coroutine, Iterable, Mapping, Sequence
 from typing import Any
@@ -19,7 +21,8 @@ from zarr.core.sync import sync
 from zarr.errors import ZarrUserWarning
 from zarr.storage import StorePath
 
-from handsight.datasets.errors import CorruptDataError, headline
+from handsight.datasets.errors import CorruptDataError, DatasetError, headline
+from handsight.datasets.machine import of_the_machine
 
 _NUMCODECS_NOTICE = "Numcodecs codecs are not in the Zarr version 3 specification"
 warnings.filterwarnings("ignore", _NUMCODECS_NOTICE, ZarrUserWarning)
@@ -52,8 +55,8 @@ class PixelBuffer(cpu.NDBuffer):
 PIXELS = BufferPrototype(buffer=cpu.Buffer, nd_buffer=PixelBuffer)
 """What zarr is to read pictures with."""
 
-READ_FAILURES = (ValueError, TypeError, RuntimeError, OSError, KeyError, icechunk.IcechunkError)
-"""What zarr, the codecs and Icechunk raise for bytes that are damaged or missing."""
+READ_FAILURES = (ValueError, TypeError, RuntimeError, OSError, KeyError, MemoryError, icechunk.IcechunkError)
+"""What zarr, the codecs and Icechunk raise for bytes that are damaged or missing, or where the machine cannot read."""
 
 Arrays = Mapping[str, zarr.Array[Any]]
 """Arrays of a group by their paths in it."""
@@ -67,6 +70,7 @@ def group_at(parent: zarr.Group, path: str) -> zarr.Group:
 
     Raises:
         CorruptDataError: There is none.
+        StorageError: The machine cannot read.
     """
     node = _node(parent, path)
     if not isinstance(node, zarr.Group):
@@ -79,6 +83,7 @@ def array_at(parent: zarr.Group, path: str) -> zarr.Array[Any]:
 
     Raises:
         CorruptDataError: There is none.
+        StorageError: The machine cannot read.
     """
     node = _node(parent, path)
     if not isinstance(node, zarr.Array):
@@ -104,21 +109,46 @@ def read_rows(array: zarr.Array[Any], start: int, stop: int) -> NDArray[Any]:
 
     Raises:
         CorruptDataError: Their bytes fail the checksum or are missing.
+        StorageError: The machine cannot read them; whether they are damaged is not known.
     """
     try:
         return np.asarray(array.get_basic_selection(slice(start, stop), prototype=PIXELS))
     except READ_FAILURES as error:
         rows = f"row {start}" if stop == start + 1 else f"rows {start} to {stop - 1}"
-        raise CorruptDataError(
-            f"{array.path} is damaged in {rows}: {headline(error)}; restore the dataset from a copy"
+        if isinstance(error, MemoryError) and (wanted := _claimed_bytes(array, start, stop)) > _memory_bytes():
+            # No machine's fault: a few changed bits suffice to claim any number of rows.
+            raise CorruptDataError(f"{array.path} is damaged: its {rows} would take {wanted} bytes") from error
+        raise damage_or_trouble(
+            error,
+            trouble=f"{array.path} cannot be read in {rows}",
+            damage=f"{array.path} is damaged in {rows}: {headline(error)}; restore the dataset from a copy",
         ) from error
+
+
+def _claimed_bytes(array: zarr.Array[Any], start: int, stop: int) -> int:
+    return math.prod((stop - start, *array.shape[1:])) * array.dtype.itemsize
+
+
+def _memory_bytes() -> int:
+    return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+
+
+def damage_or_trouble(error: Exception, *, trouble: str, damage: str) -> DatasetError:
+    """The error to raise for a read that failed with one of :data:`READ_FAILURES`.
+
+    Args:
+        error: What was raised.
+        trouble: What to say where the machine could not read; cause and remedy are added.
+        damage: What to say where something was read and is wrong, or is not there.
+    """
+    return of_the_machine(trouble, error) or CorruptDataError(damage)
 
 
 def read_all(array: zarr.Array[Any]) -> NDArray[Any]:
     """Every row of an array.
 
     Raises:
-        CorruptDataError: As for :func:`read_rows`.
+        CorruptDataError, StorageError: As for :func:`read_rows`.
     """
     return read_rows(array, 0, array.shape[0])
 
@@ -128,6 +158,7 @@ def read_range(array: zarr.Array[Any], start: int, stop: int) -> NDArray[Any]:
 
     Raises:
         CorruptDataError: They are damaged, or the array ends before.
+        StorageError: As for :func:`read_rows`.
     """
     rows = read_rows(array, start, stop)
     if len(rows) != stop - start:
@@ -136,7 +167,11 @@ def read_range(array: zarr.Array[Any], start: int, stop: int) -> NDArray[Any]:
 
 
 def unreadable_chunk(array: zarr.Array[Any], rows: int) -> str:
-    """Which of the chunks with the first rows is named but not there, and why; empty when none is."""
+    """Which of the chunks with the first rows is named but not there, and why; empty when none is.
+
+    Raises:
+        StorageError: The machine cannot look.
+    """
     inner = (0,) * (array.ndim - 1)
     keys = [
         array.metadata.encode_chunk_key((row, *inner))
@@ -147,6 +182,8 @@ def unreadable_chunk(array: zarr.Array[Any], rows: int) -> str:
         try:
             await (array.store_path / key).get(byte_range=RangeByteRequest(0, 1))
         except icechunk.IcechunkError as error:
+            if trouble := of_the_machine(f"{array.path}/{key} cannot be read", error):
+                raise trouble from error
             return f"{array.path}/{key} cannot be read ({headline(error)})"
         return ""
 
@@ -202,6 +239,7 @@ def copy_group(source: zarr.Group, parent: zarr.Group, name: str) -> None:
 
     Raises:
         CorruptDataError: Some of it is damaged.
+        StorageError: The machine cannot read or write.
     """
     try:
         target = parent.create_group(name, attributes=source.attrs.asdict())
@@ -213,14 +251,16 @@ def copy_group(source: zarr.Group, parent: zarr.Group, name: str) -> None:
                 kept = {"fill_value": node.fill_value, "attributes": node.attrs.asdict()}
                 zarr.from_array(target.store, data=node, name=f"{target.path}/{path}", **kept)
     except READ_FAILURES as error:
-        raise CorruptDataError(f"{_name(source, '')} cannot be copied: {headline(error)}") from error
+        what = f"{_name(source, '')} cannot be copied"
+        raise damage_or_trouble(error, trouble=what, damage=f"{what}: {headline(error)}") from error
 
 
 def _node(parent: zarr.Group, path: str) -> zarr.Group | zarr.Array[Any]:
     try:
         return parent[path]
     except READ_FAILURES as error:
-        raise CorruptDataError(f"{_name(parent, path)} cannot be read: {headline(error)}") from error
+        what = f"{_name(parent, path)} cannot be read"
+        raise damage_or_trouble(error, trouble=what, damage=f"{what}: {headline(error)}") from error
 
 
 def _name(parent: zarr.Group, path: str) -> str:

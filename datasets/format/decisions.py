@@ -24,7 +24,9 @@ from functools import cached_property
 import numpy as np
 import pandas as pd
 import zarr
+from numpy.typing import NDArray
 
+from handsight.datasets.errors import CorruptDataError
 from handsight.datasets.format.arrays import append_rows, array_at, group_at, read_all
 from handsight.datasets.format.keys import KEY_BYTES, ids_from_keys, keys_from_ids
 from handsight.datasets.format.rows import text_from_bytes, text_to_bytes
@@ -169,7 +171,21 @@ def read_overlay(root: zarr.Group) -> Overlay:
         return Overlay()
     group = group_at(root, CURATION)
     facts, reasons, authors, keys = (read_all(array_at(group, path)) for path in (_FACTS, _REASON, _AUTHOR, _TARGETS))
-    ids = ids_from_keys(keys)
+    ends = facts[:, 3].tolist()
+    if len({len(facts), len(reasons), len(authors)}) > 1 or ends != sorted(ends) or ends[-1:] not in ([], [len(keys)]):
+        raise CorruptDataError(
+            f"{CURATION} is damaged: {len(facts)} facts, {len(reasons)} reasons and {len(authors)} authors, the last "
+            f"decision ending at {ends[-1:]} of {len(keys)} attempts; restore the dataset from a copy"
+        )
+    try:
+        return Overlay(_decisions(facts, reasons, authors, ids_from_keys(keys)))
+    except (ValueError, OverflowError, OSError) as error:
+        raise CorruptDataError(f"{CURATION} is damaged: {error}; restore the dataset from a copy") from error
+
+
+def _decisions(
+    facts: NDArray[np.int64], reasons: NDArray[np.uint8], authors: NDArray[np.uint8], ids: Sequence[str]
+) -> list[Decision]:
     decisions = []
     start = 0
     for number, (action, value, decided_ns, stop) in enumerate(facts.tolist()):
@@ -184,7 +200,7 @@ def read_overlay(root: zarr.Group) -> Overlay:
         )
         decisions.append(decision)
         start = stop
-    return Overlay(decisions)
+    return decisions
 
 
 def append_decision(root: zarr.Group, decision: Decision) -> None:

@@ -8,7 +8,7 @@ checksum alone.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from concurrent.futures import BrokenExecutor
 from dataclasses import dataclass
 
@@ -18,12 +18,13 @@ import zarr
 from handsight.datasets.address import Location
 from handsight.datasets.curation.folds import FOLDS
 from handsight.datasets.errors import StorageError
-from handsight.datasets.format.arrays import READ_FAILURES, array_at, group_at, read_all
-from handsight.datasets.format.decisions import CURATION
+from handsight.datasets.format.arrays import READ_FAILURES, array_at, damage_or_trouble, group_at, read_all
+from handsight.datasets.format.decisions import CURATION, read_overlay
 from handsight.datasets.format.saved_filters import FILTERS_GROUP
 from handsight.datasets.format.schema import COLUMNS, SESSIONS, ColumnWidths
 from handsight.datasets.format.sessions import attribute_damage
 from handsight.datasets.integrity.attempt_checks import AttemptChecker, AttemptRange, Checked
+from handsight.datasets.machine import machine_blamed
 from handsight.datasets.reading.reader import GraspDataset
 from handsight.datasets.store.agreement import lost_refs
 from handsight.datasets.store.readers import being_read, refuse_removed
@@ -75,7 +76,7 @@ def verify(dataset: GraspDataset, *, jobs: int = 1, on_checked: Callable[[int], 
     Raises:
         CorruptDataError: The list of sessions itself cannot be read.
         VersionRemovedError: The version was expired and collected meanwhile.
-        StorageError: A process ended before its time.
+        StorageError: The machine cannot read, so that what is damaged is not known; or a process ended before its time.
         ForkedProcessError: The dataset was opened in another process.
     """
     with being_read(dataset.repository, dataset.snapshot_id, "verify"):
@@ -86,8 +87,22 @@ def verify(dataset: GraspDataset, *, jobs: int = 1, on_checked: Callable[[int], 
 
 
 def _verified(dataset: GraspDataset, jobs: int, on_checked: Callable[[int], None] | None) -> VerifyReport:
-    root = dataset.root
-    whole = [AttemptRange(session.ulid, 0, session.attempts) for session in dataset.sessions]
+    sessions = [session.ulid for session in dataset.sessions]
+    total = check_sessions(dataset, sessions, jobs=jobs, on_checked=on_checked)
+    return VerifyReport(
+        checked=total.attempts,
+        bytes=total.bytes,
+        faults=total.faults,
+        damage=tuple(damage_beside(dataset.root)),
+        lost_refs=tuple(one.fault for one in lost_refs(dataset.repository)),
+    )
+
+
+def check_sessions(
+    dataset: GraspDataset, sessions: Collection[str], *, jobs: int, on_checked: Callable[[int], None] | None = None
+) -> Checked:
+    """Read every byte of the attempts of some sessions; arguments and errors as for :func:`verify`."""
+    whole = [AttemptRange(one.ulid, 0, one.attempts) for one in dataset.sessions if one.ulid in sessions]
     ranges = [piece for session in whole for piece in session.cut(_RANGE)]
     attempts = sum(session.stop for session in whole)
     workers = min(jobs, max(1, attempts // _WORTH_A_PROCESS))
@@ -99,21 +114,15 @@ def _verified(dataset: GraspDataset, jobs: int, on_checked: Callable[[int], None
         checked += part.attempts
         if on_checked is not None:
             on_checked(checked)
-    total = Checked.merged(parts)
-    return VerifyReport(
-        checked=total.attempts,
-        bytes=total.bytes,
-        faults=total.faults,
-        damage=tuple(_damage_beside(root)),
-        lost_refs=tuple(one.fault for one in lost_refs(dataset.repository)),
-    )
+    return Checked.merged(parts)
 
 
 def _spread(dataset: GraspDataset, ranges: Sequence[AttemptRange], workers: int) -> Iterator[Checked]:
     """What processes find, in the order of the ranges. Threads would share one interpreter and wait for it."""
     pool = process_pool(workers, _open_checker, dataset.repository.path, dataset.snapshot_id)
     try:
-        yield from pool.map(_check, ranges)
+        with machine_blamed("no process can be started to verify attempts"):
+            yield from pool.map(_check, ranges)
     except BrokenExecutor as error:
         raise StorageError(
             "a process that verified attempts ended before its time, perhaps for lack of memory: use fewer with --jobs"
@@ -135,8 +144,12 @@ def _check(attempts: AttemptRange) -> Checked:
     return checker.check(attempts)
 
 
-def _damage_beside(root: zarr.Group) -> Iterator[str]:
-    """Reads what the dataset holds beside its attempts: how sessions are described, curation, filters, folds."""
+def damage_beside(root: zarr.Group) -> Iterator[str]:
+    """What is damaged beside the attempts, all of it read: how sessions are described, curation, filters, folds.
+
+    Raises:
+        StorageError: The machine cannot read.
+    """
     try:
         for ulid, session in sorted(group_at(root, SESSIONS).groups()):
             yield from (f"session {ulid}: {fault}" for fault in _session_faults(session))
@@ -146,8 +159,14 @@ def _damage_beside(root: zarr.Group) -> Iterator[str]:
             for _, node in sorted(group_at(root, name).members(max_depth=None)):
                 if isinstance(node, zarr.Array):
                     read_all(node)
+        read_overlay(root)
     except READ_FAILURES as error:
-        yield str(error)
+        if isinstance(error, StorageError):
+            raise
+        found = damage_or_trouble(error, trouble="what lies beside the attempts cannot be read", damage=str(error))
+        if isinstance(found, StorageError):
+            raise found from error
+        yield str(found)
 
 
 def _session_faults(group: zarr.Group) -> list[str]:

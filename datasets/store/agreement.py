@@ -13,6 +13,7 @@ import icechunk
 
 from handsight.datasets.address import S3Prefix
 from handsight.datasets.errors import CorruptDataError, headline
+from handsight.datasets.machine import of_the_machine
 from handsight.datasets.store.icechunk_engine import icechunk_errors
 from handsight.datasets.store.refs import is_deleted_tag, restore_tag
 from handsight.datasets.store.releases import confirmed_releases, is_registration, known_branches
@@ -115,6 +116,8 @@ def _what_is_wrong(
     try:
         found = lookup(name)
     except icechunk.IcechunkError as error:
+        if trouble := of_the_machine(f"{name!r} of {repository.path} cannot be looked up", error):
+            raise trouble from error
         return f"cannot be read ({headline(error)})" if listed else "is gone"
     if expected is not None and found != expected:
         return f"leads to {found}, and {expected} was released"

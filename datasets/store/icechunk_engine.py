@@ -14,7 +14,8 @@ import icechunk
 from zarr.core.sync import sync
 
 from handsight.datasets.address import Location, S3Prefix, looks_like_dataset
-from handsight.datasets.errors import StorageError, headline
+from handsight.datasets.errors import CorruptDataError, DatasetError, StorageError, headline
+from handsight.datasets.machine import cause_and_remedy, shortage
 from handsight.datasets.store.buckets import bucket_endpoint, bucket_region
 from handsight.datasets.store.refs import move_branch
 
@@ -22,13 +23,33 @@ _MANIFEST_CHUNKS = 1024
 """Chunk references in one manifest. A commit rewrites the last manifest of each array, so without a limit the cost of a
 commit grows with the length of the session."""
 
+_OF_DAMAGE = (
+    "I/O error",  # A block that cannot be unpacked; what the system says ends in its number.
+    "Invalid Icechunk metadata file",
+    "Requested range was invalid",
+    "cannot serialize ref json",
+    "config deserialization",
+    "invalid magic numbers",
+    "more modern version",
+    "no such file or directory",
+    "No such file or directory",
+    "snapshot not found",
+)
+"""What Icechunk says where it read a file of its own that is damaged, cut short or missing."""
+
 
 def storage_at(location: Location) -> icechunk.Storage:
     """Icechunk's view of a location; it creates a folder where there is none.
 
     A bucket is reached as other tools reach it: by ``AWS_ENDPOINT_URL``, ``AWS_REGION`` and the credentials that the
     environment or the machine provides.
+
+    Raises:
+        StorageError: The machine lacks what any read takes.
     """
+    # Icechunk panics where it can start no thread.
+    if lacking := shortage():
+        raise StorageError(f"cannot open {location}: {lacking[0]}; {lacking[1]}")
     if isinstance(location, S3Prefix):
         endpoint = bucket_endpoint()
         return icechunk.s3_storage(
@@ -95,12 +116,27 @@ def lookup_branches(repository: icechunk.Repository, names: Iterable[str]) -> di
 
 @contextmanager
 def icechunk_errors(action: str) -> Iterator[None]:
-    """Turn failures of the engine into ``StorageError``; ``action`` says what was being done."""
+    """Turn failures of the engine into errors of this room; ``action`` says what was being done.
+
+    Raises:
+        StorageError: The machine could not read or write, or Icechunk refused for another reason.
+        CorruptDataError: One of the files in which Icechunk keeps its books is damaged or missing.
+    """
     try:
         yield
     except icechunk.IcechunkError as error:
-        advice = "check that the disk is writable and not full, or that the bucket is within reach"
-        raise StorageError(f"{action}: {headline(error)}; {advice}") from error
+        raise engine_error(action, error) from error
+
+
+def engine_error(action: str, error: icechunk.IcechunkError) -> DatasetError:
+    """The error of this room for one of Icechunk's, which has one class for everything."""
+    if said := cause_and_remedy(error):
+        return StorageError(f"{action}: {said[0]} ({headline(error)}); {said[1]}")
+    if any(words in str(error) for words in _OF_DAMAGE):
+        advice = "'handsight dataset verify --all' names all that is damaged, a copy has it whole"
+        return CorruptDataError(f"{action}: {headline(error)}; {advice}")
+    advice = "check that the disk is writable and not full, or that the bucket is within reach"
+    return StorageError(f"{action}: {headline(error)}; {advice}")
 
 
 def is_missing_ref(error: icechunk.IcechunkError) -> bool:

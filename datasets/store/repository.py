@@ -29,6 +29,7 @@ from handsight.datasets.errors import (
     StorageError,
     headline,
 )
+from handsight.datasets.machine import of_the_machine
 from handsight.datasets.store.icechunk_engine import (
     icechunk_errors,
     lookup_branches,
@@ -127,6 +128,8 @@ class GraspRepository:
             DatasetNotFoundError: Nothing is there.
             NotADatasetError: The path is a file or a folder that is no dataset.
             SchemaError: The dataset was written by a newer handsight.
+            CorruptDataError: Icechunk cannot begin with it: its configuration or a branch's name is damaged.
+            StorageError: The machine cannot read.
         """
         path = location_of(path)
         opened = open_store(path)
@@ -320,7 +323,9 @@ class GraspRepository:
             if check is not None:
                 check(self.root(tip))
 
-        what: dict[str, Any] = {"branch": branch, "message": message, "metadata": metadata or {}}
+        # A branch's name stands in its commits as well, so that two branches whose files changed places are noticed.
+        noted = {**(metadata or {}), "branch": branch}
+        what: dict[str, Any] = {"branch": branch, "message": message, "metadata": noted}
         with self.locked(), icechunk_errors(f"cannot commit to {self.path}"):
             if not transaction.has_uncommitted_changes:
                 return self._icechunk.lookup_branch(branch)
@@ -395,8 +400,12 @@ class GraspRepository:
             try:
                 return zarr.open_group(session.store, mode="r")
             except FileNotFoundError as error:
+                if trouble := of_the_machine(f"the root of {self.path}@{session.snapshot_id} cannot be read", error):
+                    raise trouble from error
                 raise NotADatasetError(f"{self.path} holds no root group, expected a handsight dataset") from error
-            except (TypeError, ValueError) as error:
+            except (TypeError, ValueError, RuntimeError, OSError) as error:
+                if trouble := of_the_machine(f"the root of {self.path}@{session.snapshot_id} cannot be read", error):
+                    raise trouble from error
                 fault = f"the root of {self.path}@{session.snapshot_id} is damaged: {error}"
                 raise CorruptDataError(fault) from error
 
@@ -417,10 +426,16 @@ class GraspRepository:
             return lookup_branches(self._icechunk, names)
 
     def has_snapshot(self, snapshot_id: str) -> bool:
-        """Whether there is a snapshot of that id, whatever leads to it."""
+        """Whether there is a snapshot of that id that can be read, whatever leads to it.
+
+        Raises:
+            StorageError: The machine cannot tell.
+        """
         try:
             self._icechunk.lookup_snapshot(snapshot_id)
-        except icechunk.IcechunkError:
+        except icechunk.IcechunkError as error:
+            if trouble := of_the_machine(f"snapshot {snapshot_id} of {self.path} cannot be read", error):
+                raise trouble from error
             return False
         return True
 

@@ -12,9 +12,10 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from handsight.datasets.errors import InterchangeError, headline
+from handsight.datasets.errors import DatasetError, InterchangeError, headline
 from handsight.datasets.exchange.mapped.episodes import MOST_FRAMES
 from handsight.datasets.format.quantities import PICTURE_SIDE
+from handsight.datasets.machine import of_the_machine
 
 _DEMOS = "data"
 _NAMES_SHOWN = 12
@@ -30,6 +31,8 @@ def open_set(path: Path) -> Iterator[Hdf5Set]:
     try:
         file = h5py.File(path, "r")
     except OSError as error:
+        if trouble := of_the_machine(f"{path} cannot be read", error):
+            raise trouble from error
         raise InterchangeError(
             f"{path} cannot be opened as HDF5 ({headline(error)}): take an undamaged copy"
         ) from error
@@ -38,6 +41,8 @@ def open_set(path: Path) -> Iterator[Hdf5Set]:
             data = _child(file, _DEMOS)
             names = sorted(data, key=_order) if isinstance(data, h5py.Group) else []
         except (OSError, RuntimeError, KeyError, ValueError) as error:
+            if trouble := of_the_machine(f"{path} cannot be read", error):
+                raise trouble from error
             raise InterchangeError(f"{path} cannot be read ({headline(error)}): take an undamaged copy") from error
         if not names:
             raise InterchangeError(f"{path} has no demos: a map expects a group {_DEMOS}/demo_<k> for each attempt")
@@ -119,9 +124,11 @@ class Hdf5Set:
 def _reading(what: str) -> Iterator[None]:
     try:
         yield
-    except (OSError, RuntimeError, KeyError, ValueError, TypeError) as error:
-        if isinstance(error, InterchangeError):
+    except (OSError, RuntimeError, KeyError, ValueError, TypeError, MemoryError) as error:
+        if isinstance(error, DatasetError):
             raise
+        if trouble := of_the_machine(f"{what} cannot be read", error):
+            raise trouble from error
         raise InterchangeError(f"{what} cannot be read ({headline(error)})") from error
 
 

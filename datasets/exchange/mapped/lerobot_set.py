@@ -13,11 +13,12 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from handsight.datasets.errors import InterchangeError, headline
+from handsight.datasets.errors import DatasetError, InterchangeError, headline
 from handsight.datasets.exchange.bundle import refuse_linked
 from handsight.datasets.exchange.mapped.episodes import MOST_FRAMES
 from handsight.datasets.exchange.mapped.video import VideoFrames
 from handsight.datasets.exchange.pictures import decoded
+from handsight.datasets.machine import of_the_machine
 
 _VERSIONS = ("v2.0", "v2.1", "v3.0")
 _MOST_ROWS = 5 * MOST_FRAMES
@@ -33,9 +34,11 @@ def open_set(path: Path) -> Iterator[LeRobotSet]:
     refuse_linked(path)
     try:
         found = LeRobotSet(path)
-    except InterchangeError:
+    except DatasetError:
         raise
     except (OSError, KeyError, ValueError, TypeError, AttributeError, pa.ArrowException, RecursionError) as error:
+        if trouble := of_the_machine(f"{path} cannot be read", error):
+            raise trouble from error
         raise InterchangeError(
             f"{path} is no LeRobotDataset of {_VERSIONS[0]} to {_VERSIONS[-1]} ({type(error).__name__}: "
             f"{headline(error)}): take an undamaged copy"
@@ -216,7 +219,9 @@ def _is_depth(feature: Mapping[str, Any]) -> bool:
 def _reading(file: Path, column: str) -> Iterator[None]:
     try:
         yield
-    except InterchangeError:
+    except DatasetError:
         raise
-    except (OSError, KeyError, ValueError, TypeError, IndexError, pa.ArrowException) as error:
+    except (OSError, KeyError, ValueError, TypeError, IndexError, MemoryError, pa.ArrowException) as error:
+        if trouble := of_the_machine(f"{file} cannot be read", error):
+            raise trouble from error
         raise InterchangeError(f"{column} cannot be read from {file}: {headline(error)}") from error

@@ -53,6 +53,7 @@ from numpy.typing import NDArray
 
 from handsight.datasets.errors import InterchangeError, headline
 from handsight.datasets.exchange.mapped.poses import CONVENTIONS, transform_of
+from handsight.datasets.machine import of_the_machine
 
 Frame = str | int
 """``first``, ``last``, ``lowest``, ``any``, or a number; negative ones count from the end."""
@@ -122,6 +123,8 @@ def _text_of(path: Path) -> str:
             raise InterchangeError(f"{path} has {path.stat().st_size} bytes, expected a map of some lines")
         return path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
+        if trouble := of_the_machine(f"{path} cannot be read", error):
+            raise trouble from error
         raise InterchangeError(f"{path} cannot be read as a map: {headline(error)}") from error
 
 

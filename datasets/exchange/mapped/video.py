@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from handsight.datasets.errors import InterchangeError
 from handsight.datasets.format.quantities import PICTURE_SIDE
+from handsight.datasets.machine import machine_blamed
 
 _QUIET = "-8"
 """FFmpeg's level for no messages: what is wrong with a video is in the error that is raised."""
@@ -55,6 +56,9 @@ class VideoFrames:
         self.close()
         if not path.is_file():
             raise InterchangeError(f"there is no video {path}")
+        # OpenCV says of every video that it cannot open it, and never why.
+        with machine_blamed(f"the video {path} cannot be read"):
+            path.open("rb").close()
         os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", _QUIET)
         level = cv2.utils.logging.getLogLevel()
         cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
