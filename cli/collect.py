@@ -25,7 +25,7 @@ from handsight.cli.options import (
     Seed,
     Workers,
 )
-from handsight.cli.output import console, print_json, progress_bar
+from handsight.cli.output import bold, console, print_json, progress_bar
 from handsight.cli.wiring.policies import DEFAULT_RANDOM_SHARE, policy_named
 from handsight.datasets.errors import counted
 from handsight.jobs.engine import LOCAL, Engine
@@ -141,8 +141,8 @@ def collect_sim(
         added = report.attempts - report.resumed_from
         held = counted(report.attempts, "attempt")
         console.print(
-            f"[bold]{dataset}[/]: session {report.session} holds {held}, {added} of them new, "
-            f"{report.successes} of these successful"
+            bold(dataset),
+            f": session {report.session} holds {held}, {added} of them new, {report.successes} of these successful",
         )
 
 
@@ -159,7 +159,7 @@ def collect_picture(
     from handsight.cli.wiring.scene_pictures import write_station_picture  # PyBullet, once the options are sound
 
     write_station_picture(out, objects, seed)
-    console.print(f"[bold]{out}[/]: a scene of {objects} on the simulated station")
+    console.print(bold(out), f": a scene of {objects} on the simulated station")
 
 
 def _check_engine(name: str, ray_address: str | None) -> None:

@@ -20,7 +20,8 @@ from handsight.cli.options import (
     TrialSeed,
     Workers,
 )
-from handsight.cli.output import console, print_json, print_table, progress_bar
+from handsight.cli.output import console, print_json, progress_bar
+from handsight.cli.tables import Column, print_table
 from handsight.training.run_folder import check_finished_run
 
 if TYPE_CHECKING:
@@ -103,5 +104,14 @@ def print_results(rows: Sequence[ResultRow]) -> None:
         )
         for row in rows
     ]
-    print_table(("method", "objects", "grasped", "success", "95 % interval", "moves", "ms/step"), cells)
+    columns = (
+        "method",
+        Column(heading="objects", rank=3),
+        "grasped",
+        "success",
+        Column(heading="95 % interval", rank=1),
+        Column(heading="moves", rank=2),
+        Column(heading="ms/step", rank=4),
+    )
+    print_table(columns, cells)
     console.print()

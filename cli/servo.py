@@ -19,8 +19,8 @@ from handsight.cli.options import (
     Threshold,
     TrialSeed,
 )
-from handsight.cli.output import console, progress_bar
-from handsight.datasets.errors import counted
+from handsight.cli.output import bold, console, progress_bar
+from handsight.datasets.errors import counted, typed
 from handsight.training.run_folder import check_finished_run
 
 if TYPE_CHECKING:
@@ -64,8 +64,9 @@ def servo_command(
     write_trace(out, recording, model, outside)
     result = "held" if recording.trial.success else "missed"
     console.print(
-        f"[bold]{out}[/]: {method}, {counted(recording.trace.moves, 'move')}, predicted success "
-        f"{recording.trace.grasp_score:.2f}, {result}; open it with 'rerun {out}'"
+        bold(out),
+        f": {method}, {counted(recording.trace.moves, 'move')}, predicted success "
+        f"{recording.trace.grasp_score:.2f}, {result}; open it with {typed('rerun', out)}",
     )
 
 

@@ -11,8 +11,8 @@ import typer
 from handsight.cli.dataset.author import author_named
 from handsight.cli.opening import checked_address, open_repository, open_version
 from handsight.cli.options import Author, Dataset, DryRun, Json, TargetBranch
-from handsight.cli.output import console, print_json, progress_bar
-from handsight.datasets.errors import counted
+from handsight.cli.output import bold, console, print_json, progress_bar
+from handsight.datasets.errors import counted, typed
 from handsight.datasets.inputs.viewpoint import DEFAULT_VIEWPOINT
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ def export_command(
     if as_json:
         print_json({"format": format, "target": target, "attempts": attempts, "digest": version.digest})
         return
-    console.print(f"exported {counted(attempts, 'attempt')} of {dataset} to [bold]{target}[/] ({format})")
+    console.print(f"exported {counted(attempts, 'attempt')} of {dataset} to ", bold(target), f" ({format})")
 
 
 def import_command(
@@ -85,7 +85,7 @@ def import_command(
         mapped = {} if report.preview is None else {"mapped": report.preview}
         print_json({"format": report.format, "created": report.created, **_as_json(report.transfer), **mapped})
         return
-    _print_report(report.transfer, f"{source} ({report.format})", dataset, dry_run=dry_run)
+    _print_report(report.transfer, f"{source} ({report.format})", dataset, branch, dry_run=dry_run)
     if report.preview is not None:
         _print_preview(report.preview)
 
@@ -121,7 +121,7 @@ def merge_command(
     if as_json:
         print_json(_as_json(report))
         return
-    _print_report(report, source, dataset, dry_run=dry_run)
+    _print_report(report, source, dataset, branch, dry_run=dry_run)
 
 
 def materialize_command(
@@ -143,7 +143,7 @@ def materialize_command(
     if as_json:
         print_json(facts)
         return
-    console.print(f"{counted(len(data.inputs), 'input')} of {dataset} in [bold]{data.file}[/]")
+    console.print(f"{counted(len(data.inputs), 'input')} of {dataset} in ", bold(data.file))
 
 
 def _as_json(report: TransferReport) -> dict[str, object]:
@@ -159,17 +159,18 @@ def _as_json(report: TransferReport) -> dict[str, object]:
     }
 
 
-def _print_report(report: TransferReport, source: str, target: str, *, dry_run: bool) -> None:
+def _print_report(report: TransferReport, source: str, target: str, branch: str, *, dry_run: bool) -> None:
     verb = "would add" if dry_run else "added"
     sessions = f"{counted(len(report.sessions), 'session')} with {counted(report.attempts, 'attempt')}"
-    console.print(f"{verb} {sessions} of {source} to [bold]{target}[/]")
+    console.print(f"{verb} {sessions} of {source} to ", bold(target))
     for ulid in report.duplicates:
         console.print(f"left out session {ulid}: its attempts are there already")
     for edit in report.edits:
         done = f"{'would have ' if dry_run else ''}{_EDITS[edit.action.name]} {counted(len(edit.attempts), 'attempt')}"
         label = "" if edit.value is None else f" as {'success' if edit.value else 'failure'}"
-        undo = "" if dry_run else f"; take it back with 'handsight dataset undo {target} {edit.number}'"
-        console.print(f"{done}{label}: {edit.reason}{undo}", markup=False)
+        call = typed("handsight", "dataset", "undo", f"{target}@{branch}", edit.number)
+        undo = "" if dry_run else f"; take it back with {call}"
+        console.print(f"{done}{label}: {edit.reason}{undo}")
 
 
 def _print_preview(preview: dict[str, Any]) -> None:

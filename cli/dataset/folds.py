@@ -10,7 +10,8 @@ import typer
 from handsight.cli.dataset.author import author_named
 from handsight.cli.opening import open_repository, open_version
 from handsight.cli.options import Author, Dataset, Json, Seed
-from handsight.cli.output import print_json, print_table
+from handsight.cli.output import print_json
+from handsight.cli.tables import print_table
 
 if TYPE_CHECKING:
     # These take a second to import; a command does so once its dataset is known to be there.

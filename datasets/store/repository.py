@@ -46,6 +46,7 @@ from handsight.datasets.store.releases import (
     is_snapshot_id,
     read_ledger,
 )
+from handsight.datasets.store.snapshot_ids import is_beginning, snapshots_beginning
 
 SIDE_FOLDER = ".handsight"
 """Folder inside a local dataset for what is not part of any version: the lock and caches."""
@@ -187,10 +188,10 @@ class GraspRepository:
         return read_ledger(self.ledger(), tags) if tags else {}
 
     def resolve(self, ref: str) -> str:
-        """The snapshot id that a release, a branch or a snapshot id names, looked up in this order.
+        """The snapshot id that a release, a branch, a snapshot id or its beginning names, looked up in this order.
 
         Raises:
-            RefNotFoundError: None of them has that name; the message lists those that exist.
+            RefNotFoundError: None of them has that name, and the message lists those that are; or several ids begin so.
         """
         self.check_process()
         with icechunk_errors(f"cannot look up {ref!r} in {self.path}"):
@@ -201,6 +202,14 @@ class GraspRepository:
             return snapshot_id
         if is_snapshot_id(ref) and self.has_snapshot(ref):
             return ref
+        beginning = self._snapshots_beginning(ref)
+        if len(beginning) == 1:
+            return beginning[0]
+        if beginning:
+            raise RefNotFoundError(
+                f"{ref!r} in {self.path} can be any of {len(beginning)} snapshots, such as "
+                f"{', '.join(beginning[:2])}; write out more of the id"
+            )
         releases, branches = self._names()
         known = f"releases: {', '.join(releases) or 'none'}; branches: {', '.join(branches)}"
         raise RefNotFoundError(f"{self.path} has no release, branch or snapshot {ref!r} ({known})")
@@ -370,6 +379,13 @@ class GraspRepository:
                 f"{self.path} was opened in process {self._owner_pid} and is used in process {os.getpid()}: start "
                 "workers with the 'spawn' or 'forkserver' method and open the dataset in each of them"
             )
+
+    def _snapshots_beginning(self, text: str) -> list[str]:
+        if not is_beginning(text):
+            return []  # Histories take a while to read.
+        with icechunk_errors(f"cannot read the history of {self.path}"):
+            tips = (*self._tags().values(), *self.branches().values())
+            return snapshots_beginning(self._icechunk, text, tips)
 
     def _check_branch(self, branch: str) -> None:
         self.check_process()
