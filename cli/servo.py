@@ -20,7 +20,7 @@ from handsight.cli.options import (
     TrialSeed,
 )
 from handsight.cli.output import bold, console, progress_bar
-from handsight.datasets.errors import counted, typed
+from handsight.datasets.errors import counted, pasteable
 from handsight.training.run_folder import check_finished_run
 
 if TYPE_CHECKING:
@@ -66,7 +66,7 @@ def servo_command(
     console.print(
         bold(out),
         f": {method}, {counted(recording.trace.moves, 'move')}, predicted success "
-        f"{recording.trace.grasp_score:.2f}, {result}; open it with {typed('rerun', out)}",
+        f"{recording.trace.grasp_score:.2f}, {result}; open it with {pasteable('rerun', out)}",
     )
 
 

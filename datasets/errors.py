@@ -153,7 +153,7 @@ def counted(number: int, noun: str, nouns: str = "") -> str:
     return f"{number} {noun}" if number == 1 else f"{number} {nouns or f'{noun}s'}"
 
 
-def typed(*words: object) -> str:
+def pasteable(*words: object) -> str:
     """A call for a message, as it is pasted into a shell: ``'handsight dataset log grasps'``.
 
     Quotation marks would not tell where a call ends in which a word needs some itself; it stands bare.

@@ -123,7 +123,7 @@ def _check_loss(loss: float, epoch: int, settings: TrainSettings) -> None:
     if not math.isfinite(loss):
         raise DivergedError(
             f"the loss is {loss} in epoch {epoch}, expected a number: lower the learning rate, which is "
-            f"{settings.learning_rate}, or look for damaged inputs with 'handsight dataset verify'"
+            f"{settings.learning_rate}, or look for damage in the dataset, see 'handsight dataset verify --help'"
         )
 
 

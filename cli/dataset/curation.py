@@ -11,7 +11,7 @@ from handsight.cli.opening import open_repository, open_version
 from handsight.cli.options import Author, Dataset, DatasetBranch, DryRun, Filter, Ids, Json, Reason, Where
 from handsight.cli.output import bold, console, print_json
 from handsight.cli.tables import Column, print_table, short_time
-from handsight.datasets.errors import counted, typed
+from handsight.datasets.errors import counted, pasteable
 
 if TYPE_CHECKING:
     # These take a second to import; a command does so once its dataset is known to be there.
@@ -194,7 +194,7 @@ def _report(verb: str, decided: Decision | None, dataset: str, *, dry_run: bool,
     would = "would have " if dry_run else ""
     console.print(f"{would}{verb} {counted(len(attempts), 'attempt')}")
     if decided is not None and not dry_run:
-        console.print(f"take it back with {typed('handsight', 'dataset', 'undo', dataset, decided.number)}")
+        console.print(f"take it back with {pasteable('handsight', 'dataset', 'undo', dataset, decided.number)}")
 
 
 def _what(decision: Decision) -> str:

@@ -12,7 +12,7 @@ from handsight.cli.dataset.author import author_named
 from handsight.cli.opening import checked_address, open_repository, open_version
 from handsight.cli.options import Author, Dataset, DryRun, Json, TargetBranch
 from handsight.cli.output import bold, console, print_json, progress_bar
-from handsight.datasets.errors import counted, typed
+from handsight.datasets.errors import counted, pasteable
 from handsight.datasets.inputs.viewpoint import DEFAULT_VIEWPOINT
 
 if TYPE_CHECKING:
@@ -168,7 +168,7 @@ def _print_report(report: TransferReport, source: str, target: str, branch: str,
     for edit in report.edits:
         done = f"{'would have ' if dry_run else ''}{_EDITS[edit.action.name]} {counted(len(edit.attempts), 'attempt')}"
         label = "" if edit.value is None else f" as {'success' if edit.value else 'failure'}"
-        call = typed("handsight", "dataset", "undo", f"{target}@{branch}", edit.number)
+        call = pasteable("handsight", "dataset", "undo", f"{target}@{branch}", edit.number)
         undo = "" if dry_run else f"; take it back with {call}"
         console.print(f"{done}{label}: {edit.reason}{undo}")
 

@@ -167,7 +167,7 @@ def show(
     console.print(bold(attempt))
     print_facts(
         [
-            *((name, _cell(value)) for name, value in facts.items() if name not in still),
+            *((name, _cell(value) or "-") for name, value in facts.items() if name not in still),
             ("station", f"{station.source}, camera {intrinsics.width}x{intrinsics.height}"),
         ],
         indent=2,
@@ -308,10 +308,11 @@ def _json_cell(value: Any) -> Any:
 
 
 def _cell(value: Any) -> str:
-    import pandas as pd  # here, as everything that is slow to import
+    import numpy as np  # here, as everything that is slow to import
+    import pandas as pd
 
     if isinstance(value, list | tuple):
         return ", ".join(map(str, value))
     if value is None or pd.isna(value):
         return "-"
-    return f"{value:.4f}" if isinstance(value, float) else str(value)
+    return f"{value:.4f}" if isinstance(value, float | np.floating) else str(value)

@@ -11,7 +11,7 @@ from handsight.cli.opening import open_version
 from handsight.cli.options import LARGEST_SEED, MOST_ATTEMPTS, MOST_EPOCHS, Dataset, Json
 from handsight.cli.output import console, errors, print_json
 from handsight.cli.tables import Column, print_prose, print_table
-from handsight.datasets.errors import typed
+from handsight.datasets.errors import pasteable
 
 
 def suspect(
@@ -75,7 +75,7 @@ def suspect(
     if rrd is None:
         console.print("with --rrd FILE they are written to a recording, to be looked at")
     else:
-        console.print(f"look at them with {typed('rerun', rrd)}")
+        console.print(f"look at them with {pasteable('rerun', rrd)}")
     if review.issues:
         console.print("then correct a label or leave an attempt out; of the first, with")
         for command in curation_commands(opened, review.issues[0]):

@@ -10,7 +10,7 @@ from handsight.cli.opening import open_repository, open_version
 from handsight.cli.options import Dataset, DatasetBranch, DatasetPath, DryRun, Json, Message, NewBranch
 from handsight.cli.output import bold, console, print_json
 from handsight.cli.tables import Column, print_facts, print_table, short_snapshot
-from handsight.datasets.errors import CorruptDataError, RefNotFoundError, counted, typed
+from handsight.datasets.errors import CorruptDataError, RefNotFoundError, counted, pasteable
 
 if TYPE_CHECKING:
     # These take a second to import; a command does so once its dataset is known to be there.
@@ -80,7 +80,7 @@ def branch(
             print_table(("branch", snapshot), list(branches.items()))
     elif delete:
         snapshot = delete_branch(repository, name, force=force)
-        again = typed("handsight", "dataset", "branch", f"{repository.path}@{snapshot}", name)
+        again = pasteable("handsight", "dataset", "branch", f"{repository.path}@{snapshot}", name)
         console.print("deleted branch ", bold(name), f"; until the next gc it is back with {again}")
     else:
         snapshot = create_branch(repository, name, ref)

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from itertools import islice
 
-from handsight.datasets.errors import AttemptNotFoundError, typed
+from handsight.datasets.errors import AttemptNotFoundError, pasteable
 from handsight.datasets.format.beginnings import telling_length
 from handsight.datasets.format.schema import attempt_id, attempt_number
 from handsight.datasets.format.sessions import SessionInfo
@@ -109,5 +109,5 @@ def _fault(dataset: GraspDataset, text: str, ranges: _Ranges, count: int) -> str
     more = f" and {len(dataset.sessions) - _SHOWN} more" if len(dataset.sessions) > _SHOWN else ""
     return (
         f"there is no attempt {text!r} in {where} (attempts of each session: {', '.join(sessions) or 'none'}{more}): "
-        f"see {typed('handsight', 'dataset', 'ls', where)}"
+        f"see {pasteable('handsight', 'dataset', 'ls', where)}"
     )

@@ -71,7 +71,7 @@ def stats_figure(found: LabelStats, path: Path, *, title: str) -> Path:
     if not found.labelled:
         raise FigureError(
             f"{title} has no labelled attempt that is not excluded, expected some to draw: "
-            "see 'handsight dataset info' for what it holds"
+            "collect more, or restore some"
         )
     # Names of objects and datasets may hold dollars, which would begin a formula.
     with mpl.rc_context({**STYLE, "font.size": 9, "text.parse_math": False}):
