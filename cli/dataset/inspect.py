@@ -200,7 +200,7 @@ def stats(
         print_json(found)
         return
     print_prose(
-        f"{counted(found.successes, 'success', 'successes')} in {counted(found.labelled, 'labelled attempt')}; "
+        f"{found.successes} of {counted(found.labelled, 'labelled attempt')} succeed; "
         f"left out: {found.unlabelled} without a label, {found.excluded} excluded"
     )
     for title, shares in (

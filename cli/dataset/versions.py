@@ -76,8 +76,8 @@ def branch(
         if as_json:
             print_json([{"branch": one, "snapshot": snapshot} for one, snapshot in branches.items()])
         else:
-            snapshot = Column(heading="snapshot", short=short_snapshot(branches.values()))
-            print_table(("branch", snapshot), list(branches.items()))
+            short = short_snapshot(branches.values())
+            print_table(("branch", Column(heading="snapshot", short=short)), list(branches.items()))
     elif delete:
         snapshot = delete_branch(repository, name, force=force)
         again = pasteable("handsight", "dataset", "branch", f"{repository.path}@{snapshot}", name)
