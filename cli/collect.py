@@ -9,14 +9,17 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from handsight.cli.completion import words
 from handsight.cli.errors import CommandError
 from handsight.cli.interrupts import INTERRUPTED
 from handsight.cli.lazy import LazyCommand, LazyGroup, lazy_app
 from handsight.cli.options import (
     DEFAULT_METHOD,
     DEFAULT_THRESHOLD,
+    METHOD_NAMES,
     MOST_ATTEMPTS,
     TRAINING_OBJECTS,
+    VARIED_KINDS,
     DatasetPath,
     Json,
     Objects,
@@ -76,6 +79,7 @@ def collect_sim(
             metavar="KIND",
             help="What differs between scenes beside the objects: table, light, colour, friction, depth-noise, or all; "
             "may be given several times.",
+            autocompletion=words(*VARIED_KINDS),
         ),
     ] = None,
     policy: Annotated[
@@ -83,7 +87,11 @@ def collect_sim(
     ] = "uniform",
     model: Annotated[Path | None, typer.Option(metavar="RUN", help="Network of the servo policy.")] = None,
     method: Annotated[
-        str | None, typer.Option(help=f"Servo method of the servo policy; {DEFAULT_METHOD} unless given.")
+        str | None,
+        typer.Option(
+            help=f"Servo method of the servo policy; {DEFAULT_METHOD} unless given.",
+            autocompletion=words(*METHOD_NAMES),
+        ),
     ] = None,
     random_share: Annotated[
         float | None,

@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from handsight.cli.completion import words
 from handsight.cli.options import (
     DEFAULT_THRESHOLD,
     EVALUATION_SEED,
+    METHOD_NAMES,
     MOST_TRIALS,
     NOVEL_OBJECTS,
     Json,
@@ -33,7 +35,10 @@ if TYPE_CHECKING:
 def evaluate_command(
     model: Model,
     methods: Annotated[
-        str | None, typer.Option(metavar="A,B,C", help="Servo methods; all there are unless given.")
+        str | None,
+        typer.Option(
+            metavar="A,B,C", help="Servo methods; all there are unless given.", autocompletion=words(*METHOD_NAMES)
+        ),
     ] = None,
     objects: Objects = NOVEL_OBJECTS,
     trials: Annotated[int, typer.Option("--trials", "-n", max=MOST_TRIALS, help="Trials of each method.")] = 100,

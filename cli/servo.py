@@ -7,11 +7,13 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from handsight.cli.completion import words
 from handsight.cli.errors import CommandError
 from handsight.cli.options import (
     DEFAULT_METHOD,
     DEFAULT_THRESHOLD,
     EVALUATION_SEED,
+    METHOD_NAMES,
     MOST_TRIALS,
     NOVEL_OBJECTS,
     Model,
@@ -34,7 +36,7 @@ if TYPE_CHECKING:
 def servo_command(
     model: Model,
     out: Annotated[Path, typer.Option("--out", help="Recording to write, for 'rerun FILE'.")] = Path("servo.rrd"),
-    method: Annotated[str, typer.Option(help="Servo method.")] = DEFAULT_METHOD,
+    method: Annotated[str, typer.Option(help="Servo method.", autocompletion=words(*METHOD_NAMES))] = DEFAULT_METHOD,
     trial: Annotated[
         int, typer.Option(min=0, max=MOST_TRIALS, help="Which trial; begins like the same trial of 'evaluate'.")
     ] = 0,

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from handsight.cli.completion import complete_filter, words
 from handsight.cli.dataset.author import author_named
 from handsight.cli.opening import open_repository, open_version
 from handsight.cli.options import Author, Dataset, DatasetBranch, DryRun, Filter, Ids, Json, Reason, Where
@@ -19,6 +20,9 @@ if TYPE_CHECKING:
     from handsight.datasets.format.decisions import Decision
     from handsight.datasets.reading.reader import GraspDataset
     from handsight.datasets.reading.selection import Selection
+
+
+_LABELS = ("success", "failure", "recorded")
 
 
 def exclude(
@@ -60,7 +64,13 @@ def relabel(
     ids: Ids = None,
     *,
     label: Annotated[
-        str, typer.Option("--to", metavar="success|failure|recorded", help="The label; 'recorded' goes back to it.")
+        str,
+        typer.Option(
+            "--to",
+            metavar="success|failure|recorded",
+            help="The label; 'recorded' goes back to it.",
+            autocompletion=words(*_LABELS),
+        ),
     ],
     reason: Reason,
     where: Where = "",
@@ -70,7 +80,7 @@ def relabel(
     as_json: Json = False,
 ) -> None:
     """Correct labels; the recorded ones are kept."""
-    if label not in ("success", "failure", "recorded"):
+    if label not in _LABELS:
         raise typer.BadParameter(f"the label is {label!r}, expected success, failure or recorded", param_hint="--to")
     curator, which = _curator(dataset, author), _selection(dataset, ids, where, filter)
     if label == "recorded":
@@ -128,7 +138,10 @@ def decisions(dataset: Dataset, as_json: Json = False) -> None:
 
 def filter_command(
     dataset: Dataset,
-    name: Annotated[str, typer.Argument(help="Filter to save or to delete; without it, all are listed.")] = "",
+    name: Annotated[
+        str,
+        typer.Argument(help="Filter to save or to delete; without it, all are listed.", autocompletion=complete_filter),
+    ] = "",
     where: Where = "",
     delete: Annotated[bool, typer.Option("--delete", help="Forget the filter.")] = False,
     replace: Annotated[bool, typer.Option("--replace", help="Give an existing filter another expression.")] = False,

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from handsight.cli.completion import complete_dataset, complete_session, complete_version, words
 from handsight.cli.dataset.author import author_named
 from handsight.cli.opening import checked_address, open_repository, open_version
-from handsight.cli.options import Author, Dataset, DryRun, Json, TargetBranch
+from handsight.cli.options import EXPORT_FORMAT_NAMES, FORMAT_NAMES, Author, Dataset, DryRun, Json, TargetBranch
 from handsight.cli.output import bold, console, print_json, progress_bar
 from handsight.datasets.errors import counted, pasteable
 from handsight.datasets.inputs.viewpoint import DEFAULT_VIEWPOINT
@@ -30,7 +31,10 @@ AllowMismatch = Annotated[
 def export_command(
     dataset: Dataset,
     target: Annotated[Path, typer.Argument(help="File or folder to make; nothing may be there.")],
-    format: Annotated[str, typer.Option("--format", "-f", help="One of hdf5, zarr, lerobot.")],
+    format: Annotated[
+        str,
+        typer.Option("--format", "-f", help="One of hdf5, zarr, lerobot.", autocompletion=words(*EXPORT_FORMAT_NAMES)),
+    ],
     as_json: Json = False,
 ) -> None:
     """Write a version, curation included, in another format."""
@@ -48,9 +52,18 @@ def export_command(
 
 def import_command(
     source: Annotated[Path, typer.Argument(help="File or folder to import.")],
-    dataset: Annotated[str, typer.Argument(metavar="DATASET", help="Where to; made where there is none.")],
+    dataset: Annotated[
+        str,
+        typer.Argument(metavar="DATASET", help="Where to; made where there is none.", autocompletion=complete_dataset),
+    ],
     format: Annotated[
-        str | None, typer.Option("--format", "-f", help="One of hdf5, zarr, lerobot, images, instead of looking.")
+        str | None,
+        typer.Option(
+            "--format",
+            "-f",
+            help="One of hdf5, zarr, lerobot, images, instead of looking.",
+            autocompletion=words(*FORMAT_NAMES),
+        ),
     ] = None,
     map: Annotated[
         Path | None,
@@ -91,10 +104,20 @@ def import_command(
 
 
 def merge_command(
-    source: Annotated[str, typer.Argument(metavar="SOURCE[@REF]", help="Dataset to copy from.")],
-    dataset: Annotated[str, typer.Argument(metavar="DATASET", help="Dataset to copy to.")],
+    source: Annotated[
+        str, typer.Argument(metavar="SOURCE[@REF]", help="Dataset to copy from.", autocompletion=complete_version)
+    ],
+    dataset: Annotated[
+        str, typer.Argument(metavar="DATASET", help="Dataset to copy to.", autocompletion=complete_dataset)
+    ],
     session: Annotated[
-        list[str] | None, typer.Option("--session", "-s", help="ULID of a session to copy; repeat it. All by default.")
+        list[str] | None,
+        typer.Option(
+            "--session",
+            "-s",
+            help="ULID of a session to copy; repeat it. All by default.",
+            autocompletion=complete_session,
+        ),
     ] = None,
     branch: TargetBranch = "main",
     allow_mismatch: AllowMismatch = False,

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from handsight.cli.completion import complete_attempt, complete_columns
 from handsight.cli.errors import CommandError
 from handsight.cli.opening import open_repository, open_version
 from handsight.cli.options import MOST_ATTEMPTS, Dataset, Filter, Json, Where
@@ -92,11 +93,23 @@ def ls(
     where: Where = "",
     filter: Filter = "",
     sort: Annotated[
-        str, typer.Option("--sort", metavar="COLUMN", help="Smallest first, missing values last; shows the first rows.")
+        str,
+        typer.Option(
+            "--sort",
+            metavar="COLUMN",
+            help="Smallest first, missing values last; shows the first rows.",
+            autocompletion=complete_columns,
+        ),
     ] = "",
     reverse: Annotated[bool, typer.Option("--reverse", "-r", help="Largest first; without --sort, newest.")] = False,
     columns: Annotated[
-        str, typer.Option("--columns", metavar="A,B,C", help="Columns to show; any of those that --json prints.")
+        str,
+        typer.Option(
+            "--columns",
+            metavar="A,B,C",
+            help="Columns to show; any of those that --json prints.",
+            autocompletion=complete_columns,
+        ),
     ] = "",
     limit: Annotated[int, typer.Option("--limit", "-n", max=MOST_ATTEMPTS, help="Rows to show; 0 shows all.")] = 20,
     ids: Annotated[bool, typer.Option("--ids", help="Print ids alone, to pass to another command.")] = False,
@@ -136,7 +149,12 @@ def ls(
 def show(
     dataset: Dataset,
     attempt: Annotated[
-        str, typer.Argument(metavar="ATTEMPT", help="Id as printed by ls, a unique beginning of one, or a number.")
+        str,
+        typer.Argument(
+            metavar="ATTEMPT",
+            help="Id as printed by ls, a unique beginning of one, or a number.",
+            autocompletion=complete_attempt,
+        ),
     ],
     picture: Annotated[
         Path | None,

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from handsight.cli.completion import complete_folds
 from handsight.cli.opening import open_version
 from handsight.cli.options import LARGEST_SEED, MOST_ATTEMPTS, MOST_EPOCHS, Dataset, Json
 from handsight.cli.output import console, errors, print_json
@@ -17,7 +18,13 @@ from handsight.datasets.errors import pasteable
 def suspect(
     dataset: Dataset,
     folds: Annotated[
-        str, typer.Option("--folds", metavar="NAME", help="Stored folds to use; without it three are made, not stored.")
+        str,
+        typer.Option(
+            "--folds",
+            metavar="NAME",
+            help="Stored folds to use; without it three are made, not stored.",
+            autocompletion=complete_folds,
+        ),
     ] = "",
     epochs: Annotated[int, typer.Option(max=MOST_EPOCHS, help="Passes over the data for each network.")] = 10,
     count: Annotated[int, typer.Option("--count", "-n", min=1, max=MOST_ATTEMPTS, help="How many to list.")] = 20,

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from handsight.cli.completion import complete_branch_name, complete_other_version, complete_ref, complete_version
 from handsight.cli.opening import open_repository, open_version
 from handsight.cli.options import Dataset, DatasetBranch, DatasetPath, DryRun, Json, Message, NewBranch
 from handsight.cli.output import bold, console, print_json
@@ -42,10 +43,16 @@ def release(
 
 
 def diff(
-    before: Annotated[str, typer.Argument(metavar="DATASET[@REF]", help="The version left.")],
+    before: Annotated[
+        str, typer.Argument(metavar="DATASET[@REF]", help="The version left.", autocompletion=complete_version)
+    ],
     after: Annotated[
         str,
-        typer.Argument(metavar="DATASET[@REF] | REF", help="The version reached; a ref alone is of the same dataset."),
+        typer.Argument(
+            metavar="DATASET[@REF] | REF",
+            help="The version reached; a ref alone is of the same dataset.",
+            autocompletion=complete_other_version,
+        ),
     ],
     as_json: Json = False,
 ) -> None:
@@ -62,7 +69,13 @@ def diff(
 
 def branch(
     dataset: Dataset,
-    name: Annotated[str, typer.Argument(help="Branch to begin at REF, or to delete; without it, all are listed.")] = "",
+    name: Annotated[
+        str,
+        typer.Argument(
+            help="Branch to begin at REF, or to delete; without it, all are listed.",
+            autocompletion=complete_branch_name,
+        ),
+    ] = "",
     delete: Annotated[bool, typer.Option("--delete", help="Delete the branch.")] = False,
     force: Annotated[bool, typer.Option("--force", help="Delete it even if its commits are nowhere else.")] = False,
     as_json: Json = False,
@@ -89,7 +102,10 @@ def branch(
 
 def revert_command(
     dataset: DatasetBranch,
-    ref: Annotated[str, typer.Argument(help="Release, branch or snapshot whose content it shall have.")],
+    ref: Annotated[
+        str,
+        typer.Argument(help="Release, branch or snapshot whose content it shall have.", autocompletion=complete_ref),
+    ],
     message: Message = "",
     dry_run: DryRun = False,
     as_json: Json = False,
