@@ -5,11 +5,13 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Sequence
+from contextlib import nullcontext
 
 import typer
 from typer.main import get_command
 
 from handsight import __version__
+from handsight.cli.completion import bash_words
 from handsight.cli.interrupts import INTERRUPTED, INTERRUPTS
 from handsight.cli.lazy import LazyCommand, LazyGroup, lazy_app
 
@@ -104,7 +106,8 @@ def run(arguments: Sequence[str] | None = None) -> int:
         # The option alone looks which shell it was called from; this is how a shell asks for its own script.
         os.environ[_COMPLETE] = f"source_{words.pop()}"
     try:
-        get_command(app)(args=words, prog_name="handsight")
+        with bash_words() if os.environ.get(_COMPLETE) == "complete_bash" else nullcontext():
+            get_command(app)(args=words, prog_name="handsight")
     except KeyboardInterrupt:
         return INTERRUPTED
     except SystemExit as leaving:

@@ -9,14 +9,17 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from handsight.cli.completion import words
 from handsight.cli.errors import CommandError
 from handsight.cli.interrupts import INTERRUPTED
 from handsight.cli.lazy import LazyCommand, LazyGroup, lazy_app
 from handsight.cli.options import (
     DEFAULT_METHOD,
     DEFAULT_THRESHOLD,
+    METHOD_NAMES,
     MOST_ATTEMPTS,
     TRAINING_OBJECTS,
+    VARIED_KINDS,
     DatasetPath,
     Json,
     Objects,
@@ -25,7 +28,7 @@ from handsight.cli.options import (
     Seed,
     Workers,
 )
-from handsight.cli.output import console, print_json, progress_bar
+from handsight.cli.output import bold, console, print_json, progress_bar
 from handsight.cli.wiring.policies import DEFAULT_RANDOM_SHARE, policy_named
 from handsight.datasets.errors import counted
 from handsight.jobs.engine import LOCAL, Engine
@@ -76,6 +79,7 @@ def collect_sim(
             metavar="KIND",
             help="What differs between scenes beside the objects: table, light, colour, friction, depth-noise, or all; "
             "may be given several times.",
+            autocompletion=words(*VARIED_KINDS),
         ),
     ] = None,
     policy: Annotated[
@@ -83,7 +87,11 @@ def collect_sim(
     ] = "uniform",
     model: Annotated[Path | None, typer.Option(metavar="RUN", help="Network of the servo policy.")] = None,
     method: Annotated[
-        str | None, typer.Option(help=f"Servo method of the servo policy; {DEFAULT_METHOD} unless given.")
+        str | None,
+        typer.Option(
+            help=f"Servo method of the servo policy; {DEFAULT_METHOD} unless given.",
+            autocompletion=words(*METHOD_NAMES),
+        ),
     ] = None,
     random_share: Annotated[
         float | None,
@@ -141,8 +149,8 @@ def collect_sim(
         added = report.attempts - report.resumed_from
         held = counted(report.attempts, "attempt")
         console.print(
-            f"[bold]{dataset}[/]: session {report.session} holds {held}, {added} of them new, "
-            f"{report.successes} of these successful"
+            bold(dataset),
+            f": session {report.session} holds {held}, {added} of them new, {report.successes} of these successful",
         )
 
 
@@ -159,7 +167,7 @@ def collect_picture(
     from handsight.cli.wiring.scene_pictures import write_station_picture  # PyBullet, once the options are sound
 
     write_station_picture(out, objects, seed)
-    console.print(f"[bold]{out}[/]: a scene of {objects} on the simulated station")
+    console.print(bold(out), f": a scene of {objects} on the simulated station")
 
 
 def _check_engine(name: str, ray_address: str | None) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 import shutil
 import sys
 from dataclasses import dataclass
@@ -24,7 +25,7 @@ from handsight.cli.options import (
     Seed,
     Workers,
 )
-from handsight.cli.output import console
+from handsight.cli.output import bold, console
 from handsight.cli.servo import write_trace
 from handsight.cli.train import describe, train_to_folder
 from handsight.cli.wiring.stations import sim_station
@@ -186,14 +187,14 @@ def _show(paths: DemoPaths, release: str, rows: list[ResultRow]) -> None:
     print_results(rows)
     handsight, rerun = _command_name("handsight"), _command_name("rerun")
     commands = [
-        ("the dataset", f"{handsight} dataset ls {paths.dataset}@{release}"),
-        ("heatmaps", f"{rerun} {paths.heatmaps}"),
-        ("a servo run", f"{rerun} {paths.trace}"),
+        ("the dataset", shlex.join((handsight, "dataset", "ls", f"{paths.dataset}@{release}"))),
+        ("heatmaps", shlex.join((rerun, str(paths.heatmaps)))),
+        ("a servo run", shlex.join((rerun, str(paths.trace)))),
         ("the figure", str(paths.figure)),
-        ("more trials", f"{handsight} evaluate --model {paths.run} --trials 200"),
+        ("more trials", shlex.join((handsight, "evaluate", "--model", str(paths.run), "--trials", "200"))),
     ]
     for what, command in commands:
-        console.print(f"  [bold]{what:<12}[/] {command}")
+        console.print("  ", bold(f"{what:<12}"), f" {command}")
 
 
 def _command_name(program: str) -> str:
@@ -205,4 +206,4 @@ def _command_name(program: str) -> str:
 
 
 def _headline(text: str) -> None:
-    console.print(f"[bold cyan]{text}[/]")
+    console.print((text, "bold cyan"))

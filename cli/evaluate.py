@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from handsight.cli.completion import words
 from handsight.cli.options import (
     DEFAULT_THRESHOLD,
     EVALUATION_SEED,
+    METHOD_NAMES,
     MOST_TRIALS,
     NOVEL_OBJECTS,
     Json,
@@ -20,7 +22,8 @@ from handsight.cli.options import (
     TrialSeed,
     Workers,
 )
-from handsight.cli.output import console, print_json, print_table, progress_bar
+from handsight.cli.output import console, print_json, progress_bar
+from handsight.cli.tables import Column, print_table
 from handsight.training.run_folder import check_finished_run
 
 if TYPE_CHECKING:
@@ -32,7 +35,10 @@ if TYPE_CHECKING:
 def evaluate_command(
     model: Model,
     methods: Annotated[
-        str | None, typer.Option(metavar="A,B,C", help="Servo methods; all there are unless given.")
+        str | None,
+        typer.Option(
+            metavar="A,B,C", help="Servo methods; all there are unless given.", autocompletion=words(*METHOD_NAMES)
+        ),
     ] = None,
     objects: Objects = NOVEL_OBJECTS,
     trials: Annotated[int, typer.Option("--trials", "-n", max=MOST_TRIALS, help="Trials of each method.")] = 100,
@@ -103,5 +109,14 @@ def print_results(rows: Sequence[ResultRow]) -> None:
         )
         for row in rows
     ]
-    print_table(("method", "objects", "grasped", "success", "95 % interval", "moves", "ms/step"), cells)
+    columns = (
+        "method",
+        Column(heading="objects", rank=3),
+        "grasped",
+        "success",
+        Column(heading="95 % interval", rank=1),
+        Column(heading="moves", rank=2),
+        Column(heading="ms/step", rank=4),
+    )
+    print_table(columns, cells)
     console.print()

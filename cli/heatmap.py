@@ -10,8 +10,8 @@ import typer
 
 from handsight.cli.opening import checked_address, open_version
 from handsight.cli.options import MOST_ATTEMPTS, Dataset, Ids, Model
-from handsight.cli.output import console, progress_bar
-from handsight.datasets.errors import counted
+from handsight.cli.output import bold, console, progress_bar
+from handsight.datasets.errors import counted, pasteable
 from handsight.training.run_folder import check_finished_run
 
 if TYPE_CHECKING:
@@ -53,10 +53,10 @@ def heatmap_command(
     chosen = resolve_attempt_ids(opened, attempts) if attempts else latest_attempts(opened, count)
     examples = heatmap_examples(opened, chosen, model, spacing_px=spacing_px)
     write_heatmaps(out, examples)
-    console.print(f"[bold]{out}[/]: heatmaps of {counted(len(chosen), 'attempt')}; open it with 'rerun {out}'")
+    console.print(bold(out), f": heatmaps of {counted(len(chosen), 'attempt')}; open it with {pasteable('rerun', out)}")
     if picture is not None:
         montage_figure(picture, examples[:COLUMNS])
-        console.print(f"[bold]{picture}[/]: the first {len(examples[:COLUMNS])} of them")
+        console.print(bold(picture), f": the first {len(examples[:COLUMNS])} of them")
 
 
 def latest_attempts(dataset: GraspDataset, count: int) -> list[str]:

@@ -12,7 +12,8 @@ import typer
 
 from handsight.cli.lazy import LazyCommand, LazyGroup, lazy_app
 from handsight.cli.options import DryRun, Json
-from handsight.cli.output import console, errors, escaped, print_json, print_table, progress_bar
+from handsight.cli.output import bold, console, errors, print_json, progress_bar
+from handsight.cli.tables import Column, print_table
 from handsight.collection.errors import MeshImportError
 from handsight.datasets.errors import counted
 
@@ -51,7 +52,7 @@ def ls(as_json: Json = False) -> None:
         print_json(sets)
     else:
         rows = [(one.name, str(one.objects), one.licence, one.description) for one in sets]
-        print_table(("set", "objects", "licence", "what"), rows)
+        print_table(("set", "objects", Column(heading="licence", rank=1), Column(heading="what", prose="wrap")), rows)
 
 
 def import_meshes(
@@ -113,11 +114,17 @@ def _show_plan(plan: ImportPlan, *, as_json: bool) -> None:
         )
         for item in plan.objects
     ]
-    print_table(("object", "size [mm]", "mass [g]", "triangles", "looks", "file"), rows)
-    what = "was imported before, nothing would change" if plan.reused else "would be made"
-    console.print(
-        f"object set [bold]{plan.name}[/] with {counted(len(plan.objects), 'object')} {what} ({escaped(plan.folder)})"
+    columns = (
+        "object",
+        Column(heading="size [mm]", rank=1),
+        Column(heading="mass [g]", rank=2),
+        Column(heading="triangles", rank=3),
+        Column(heading="looks", rank=5),
+        Column(heading="file", rank=4),
     )
+    print_table(columns, rows)
+    what = "was imported before, nothing would change" if plan.reused else "would be made"
+    _show_set(plan, what)
 
 
 def _show_report(report: ImportReport, *, as_json: bool) -> None:
@@ -129,10 +136,11 @@ def _show_report(report: ImportReport, *, as_json: bool) -> None:
 
 
 def _show_set(made: ImportPlan | ImportReport, what: str) -> None:
-    folder = escaped(made.folder)
-    console.print(f"object set [bold]{made.name}[/] with {counted(len(made.objects), 'object')} {what} ({folder})")
+    console.print(
+        "object set ", bold(made.name), f" with {counted(len(made.objects), 'object')} {what} ({made.folder})"
+    )
 
 
 def _show_skipped(folder: Path, skipped: Sequence[SkippedMesh]) -> None:
     for item in skipped:
-        console.print(f"left out {item.line(folder)}", markup=False)
+        console.print(f"left out {item.line(folder)}")

@@ -7,10 +7,26 @@ from typing import Annotated, Literal
 
 import typer
 
+from handsight.cli.completion import (
+    complete_attempt,
+    complete_branch,
+    complete_branch_name,
+    complete_dataset,
+    complete_filter,
+    complete_objects,
+    complete_version,
+)
+
 TRAINING_OBJECTS = "household-train"
 """What is grasped where training data are collected."""
 NOVEL_OBJECTS = "household-test"
 """What is grasped where methods are compared: objects that training never saw."""
+METHOD_NAMES = ("random", "cem-1", "first-order")
+"""Servo methods, for completion; the registry has them too, and a test that they agree."""
+EXPORT_FORMAT_NAMES = ("hdf5", "zarr", "lerobot")
+FORMAT_NAMES = (*EXPORT_FORMAT_NAMES, "images")
+VARIED_KINDS = ("table", "light", "colour", "friction", "depth-noise", "all")
+"""Likewise of other rooms, with a test that they agree."""
 DEFAULT_METHOD = "cem-1"
 """How a network servoes unless another method is named."""
 DEFAULT_THRESHOLD = 0.95
@@ -27,12 +43,25 @@ MOST_ATTEMPTS = 10_000_000
 """Of one session: its numbers, and what is asked of one call, stay far from what a machine can hold."""
 
 # Where a dataset is, and which version of it.
-Dataset = Annotated[str, typer.Argument(metavar="DATASET[@REF]", help="Dataset folder, optionally at a version.")]
-DatasetPath = Annotated[str, typer.Argument(metavar="DATASET", help="Dataset folder, or s3://bucket/prefix.")]
-DatasetBranch = Annotated[
-    str, typer.Argument(metavar="DATASET[@BRANCH]", help="Dataset folder, optionally at a branch.")
+Dataset = Annotated[
+    str,
+    typer.Argument(
+        metavar="DATASET[@REF]", help="Dataset folder, optionally at a version.", autocompletion=complete_version
+    ),
 ]
-TargetBranch = Annotated[str, typer.Option("--branch", help="Branch of the target that moves.")]
+DatasetPath = Annotated[
+    str,
+    typer.Argument(metavar="DATASET", help="Dataset folder, or s3://bucket/prefix.", autocompletion=complete_dataset),
+]
+DatasetBranch = Annotated[
+    str,
+    typer.Argument(
+        metavar="DATASET[@BRANCH]", help="Dataset folder, optionally at a branch.", autocompletion=complete_branch
+    ),
+]
+TargetBranch = Annotated[
+    str, typer.Option("--branch", help="Branch of the target that moves.", autocompletion=complete_branch_name)
+]
 NewBranch = Annotated[
     str, typer.Option("--branch", help="Name of the branch to make; the version itself stays as it is.")
 ]
@@ -40,12 +69,18 @@ NewBranch = Annotated[
 # Which attempts.
 Ids = Annotated[
     list[str] | None,
-    typer.Argument(metavar="[ATTEMPT]...", help="Ids as printed by ls, unique beginnings of them, or numbers."),
+    typer.Argument(
+        metavar="[ATTEMPT]...",
+        help="Ids as printed by ls, unique beginnings of them, or numbers.",
+        autocompletion=complete_attempt,
+    ),
 ]
 Where = Annotated[
     str, typer.Option("--where", metavar="EXPRESSION", help="Attempts for which this holds: \"target == 'cup'\".")
 ]
-Filter = Annotated[str, typer.Option("--filter", metavar="NAME", help="Attempts of a saved filter.")]
+Filter = Annotated[
+    str, typer.Option("--filter", metavar="NAME", help="Attempts of a saved filter.", autocompletion=complete_filter)
+]
 
 # Who changes a dataset, why, and whether at all.
 Author = Annotated[
@@ -68,7 +103,12 @@ Seed = Annotated[int, typer.Option("--seed", min=0, max=LARGEST_SEED, help="Ever
 Workers = Annotated[
     int, typer.Option("--workers", "-w", max=MOST_WORKERS, help="Processes, each with a station of its own.")
 ]
-Objects = Annotated[str, typer.Option("--objects", metavar="SET", help="Object set; see 'handsight objects ls'.")]
+Objects = Annotated[
+    str,
+    typer.Option(
+        "--objects", metavar="SET", help="Object set; see 'handsight objects ls'.", autocompletion=complete_objects
+    ),
+]
 PerScene = Annotated[
     int | None,
     typer.Option(

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, is_dataclass
 from datetime import datetime
@@ -19,37 +19,40 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.progress import Progress, TaskID
 
+Piece = str | tuple[str, str]
+"""Part of a line: a text, or a text with its style; neither is ever read as markup."""
+
+
+def bold(text: object) -> Piece:
+    """A part of a line that stands out."""
+    return str(text), "bold"
+
 
 class Output:
-    """Standard output or standard error, with Rich's markup."""
+    """Standard output or standard error."""
 
     def __init__(self, **settings: Any) -> None:
         self._settings = settings
 
     @cached_property
     def rich(self) -> Console:
-        """Rich's console. Wide when it is no terminal: a pipe should not see wrapped tables."""
+        """Rich's console."""
         from rich.console import Console
 
-        made = Console(highlight=False, **self._settings)
-        if not made.is_terminal and not made.stderr:
-            made.width = 240
-        return made
+        return Console(highlight=False, **self._settings)
 
-    def print(self, *objects: object, **options: Any) -> None:
-        """Print a line; options are those of Rich's ``Console.print``."""
-        self.rich.print(*objects, **options)
+    def print(self, *pieces: Piece) -> None:
+        """Print one line made of pieces, each as it is written: names and paths may hold what looks like markup.
+
+        The line is not broken: the terminal does that, and what is copied from there is whole.
+        """
+        from rich.text import Text
+
+        self.rich.print(Text.assemble(*pieces), soft_wrap=True)
 
 
-console = Output(soft_wrap=True)
+console = Output()
 errors = Output(stderr=True)
-
-
-def escaped(text: object) -> str:
-    """A text without markup: in a file's name, ``[bold]`` is a word in brackets."""
-    from rich.markup import escape
-
-    return escape(str(text))
 
 
 def print_json(value: Any) -> None:
@@ -67,19 +70,6 @@ def _plain(value: Any) -> Any:
     if hasattr(value, "tolist"):
         return value.tolist()
     raise TypeError(f"{type(value).__name__} has no form in JSON")
-
-
-def print_table(columns: Sequence[str], rows: Sequence[Sequence[str]], *, title: str | None = None) -> None:
-    """A table; the first column is never wrapped, columns of numbers are aligned right."""
-    from rich.table import Table
-
-    table = Table(title=title, title_justify="left", box=None, pad_edge=False, header_style="bold")
-    for index, name in enumerate(columns):
-        numeric = bool(rows) and all(row[index].lstrip("-")[:1].isdigit() or row[index] in ("", "-") for row in rows)
-        table.add_column(escaped(name), justify="right" if numeric else "left", no_wrap=index == 0, overflow="fold")
-    for row in rows:
-        table.add_row(*map(escaped, row))
-    console.print(table)
 
 
 class Bar:
@@ -121,7 +111,7 @@ def progress_bar(label: str, total: int) -> Iterator[Bar]:
         TimeElapsedColumn(),
         TextColumn("left"),
         TimeRemainingColumn(),
-        TextColumn("{task.fields[note]}"),
+        TextColumn("{task.fields[note]}", markup=False),
         console=errors.rich,
         disable=not errors.rich.is_terminal,
     )

@@ -7,11 +7,13 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from handsight.cli.completion import words
 from handsight.cli.errors import CommandError
 from handsight.cli.options import (
     DEFAULT_METHOD,
     DEFAULT_THRESHOLD,
     EVALUATION_SEED,
+    METHOD_NAMES,
     MOST_TRIALS,
     NOVEL_OBJECTS,
     Model,
@@ -19,8 +21,8 @@ from handsight.cli.options import (
     Threshold,
     TrialSeed,
 )
-from handsight.cli.output import console, progress_bar
-from handsight.datasets.errors import counted
+from handsight.cli.output import bold, console, progress_bar
+from handsight.datasets.errors import counted, pasteable
 from handsight.training.run_folder import check_finished_run
 
 if TYPE_CHECKING:
@@ -34,7 +36,7 @@ if TYPE_CHECKING:
 def servo_command(
     model: Model,
     out: Annotated[Path, typer.Option("--out", help="Recording to write, for 'rerun FILE'.")] = Path("servo.rrd"),
-    method: Annotated[str, typer.Option(help="Servo method.")] = DEFAULT_METHOD,
+    method: Annotated[str, typer.Option(help="Servo method.", autocompletion=words(*METHOD_NAMES))] = DEFAULT_METHOD,
     trial: Annotated[
         int, typer.Option(min=0, max=MOST_TRIALS, help="Which trial; begins like the same trial of 'evaluate'.")
     ] = 0,
@@ -64,8 +66,9 @@ def servo_command(
     write_trace(out, recording, model, outside)
     result = "held" if recording.trial.success else "missed"
     console.print(
-        f"[bold]{out}[/]: {method}, {counted(recording.trace.moves, 'move')}, predicted success "
-        f"{recording.trace.grasp_score:.2f}, {result}; open it with 'rerun {out}'"
+        bold(out),
+        f": {method}, {counted(recording.trace.moves, 'move')}, predicted success "
+        f"{recording.trace.grasp_score:.2f}, {result}; open it with {pasteable('rerun', out)}",
     )
 
 

@@ -9,7 +9,7 @@ import typer
 
 from handsight.cli.opening import checked_address, open_version
 from handsight.cli.options import MOST_EPOCHS, Dataset, Json, Seed
-from handsight.cli.output import console, print_json, progress_bar
+from handsight.cli.output import bold, console, print_json, progress_bar
 from handsight.datasets.errors import counted
 from handsight.datasets.inputs.viewpoint import DEFAULT_VIEWPOINT
 from handsight.training.run_folder import check_run_folder
@@ -49,7 +49,7 @@ def train_command(
     if as_json:
         print_json({"run": out, "epoch": final})
     else:
-        console.print(f"[bold]{out}[/]: {describe(final.held_out)}")
+        console.print(bold(out), f": {describe(final.held_out)}")
 
 
 def describe(held_out: Metrics) -> str:

@@ -9,9 +9,8 @@ import os
 import re
 from dataclasses import dataclass
 from pathlib import Path
-from shlex import quote
 
-from handsight.datasets.errors import AddressError, DatasetNotFoundError, NotADatasetError
+from handsight.datasets.errors import AddressError, DatasetNotFoundError, NotADatasetError, pasteable
 
 DEFAULT_REF = "main"
 """The branch that is read where the address names no ref."""
@@ -163,7 +162,7 @@ def no_dataset_at(location: Location) -> DatasetNotFoundError | NotADatasetError
     """The error of a location at which there is no dataset."""
     if isinstance(location, S3Prefix):
         return DatasetNotFoundError(
-            f"there is no dataset at {location}: create it with 'handsight dataset init {location}'"
+            f"there is no dataset at {location}: create it with {pasteable('handsight', 'dataset', 'init', location)}"
         )
     if location.is_symlink() and not location.exists():
         return DatasetNotFoundError(
@@ -171,7 +170,7 @@ def no_dataset_at(location: Location) -> DatasetNotFoundError | NotADatasetError
         )
     if not location.exists():
         return DatasetNotFoundError(
-            f"there is no dataset at {location}: create it with 'handsight dataset init {quote(str(location))}'"
+            f"there is no dataset at {location}: create it with {pasteable('handsight', 'dataset', 'init', location)}"
         )
     kind = "a folder that is no dataset" if location.is_dir() else "a file"
     return NotADatasetError(f"{location} is {kind}, expected a dataset folder: check the path")

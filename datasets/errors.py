@@ -32,6 +32,8 @@ DatasetError
 
 from __future__ import annotations
 
+import shlex
+
 
 class DatasetError(Exception):
     """Base of every error raised in ``handsight.datasets``."""
@@ -145,9 +147,24 @@ class ForkedProcessError(DatasetError, RuntimeError):
     """An open dataset was used in a forked child, where Icechunk would hang."""
 
 
-def counted(number: int, noun: str) -> str:
-    """A number of things for a message, such as ``1 attempt`` and ``2 attempts``."""
-    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+def counted(number: int, noun: str, nouns: str = "") -> str:
+    """A number of things for a message, such as ``1 attempt`` and ``2 attempts``.
+
+    Args:
+        number: How many.
+        noun: What one of them is called.
+        nouns: What several are called, where that is not the noun with an s.
+    """
+    return f"{number} {noun}" if number == 1 else f"{number} {nouns or f'{noun}s'}"
+
+
+def pasteable(*words: object) -> str:
+    """A call for a message, as it is pasted into a shell: ``'handsight dataset log grasps'``.
+
+    Quotation marks would not tell where a call ends in which a word needs some itself; it stands bare.
+    """
+    call = shlex.join(map(str, words))
+    return call if "'" in call else f"'{call}'"
 
 
 def headline(error: Exception) -> str:

@@ -115,8 +115,8 @@ def review_folds(attempts: pd.DataFrame, *, count: int, seed: int) -> NDArray[np
     failures = len(labels) - successes
     if min(successes, failures) < count:
         raise LabelIssuesError(
-            f"there are {successes} successes and {failures} failures, expected at least {count} of each, one for "
-            "every fold: collect more attempts"
+            f"found {counted(successes, 'success', 'successes')} and {counted(failures, 'failure')}, expected at "
+            f"least {count} of each, one for every fold: collect more attempts"
         )
     scenes = attempt_groups(attempts, "scene")
     own = pd.Series(attempts.index, index=attempts.index)

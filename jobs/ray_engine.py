@@ -184,4 +184,4 @@ def _check_size(ray: ModuleType, workers: int) -> None:
     """Refuse to wait for CPUs that the cluster does not have; for those that are busy the workers wait."""
     cpus = int(ray.cluster_resources().get("CPU", 0))
     if cpus < workers:
-        raise EngineError(f"the Ray cluster has {cpus} CPUs, {workers} workers need one each: ask for fewer --workers")
+        raise EngineError(f"the Ray cluster has {cpus} of the {workers} CPUs needed: ask for fewer --workers")

@@ -75,12 +75,13 @@ def check_folds(labels: NDArray[np.float32], fold_of_attempt: NDArray[Any]) -> N
             f"{counted(len(labels), 'attempt')}"
         )
     folds = np.unique(fold_of_attempt)
-    faults = [] if len(folds) > 1 else [f"there are {len(folds)} folds, expected at least 2"]
+    faults = [] if len(folds) > 1 else [f"{counted(len(folds), 'fold')} given, expected at least 2"]
     for fold in folds.tolist():
         own = labels[fold_of_attempt == fold]
         if own.min() == own.max():
             faults.append(
-                f"fold {fold} has {own.sum():.0f} successes in {counted(len(own), 'attempt')}, expected some of both"
+                f"fold {fold} has {counted(int(own.sum()), 'success', 'successes')} in "
+                f"{counted(len(own), 'attempt')}, expected some of both"
             )
     if faults:
         more = f"; and {len(faults) - _FAULTS_LISTED} more" if len(faults) > _FAULTS_LISTED else ""

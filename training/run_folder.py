@@ -59,7 +59,7 @@ def check_finished_run(folder: Path) -> None:
     """
     if not (folder / RUN_RECORD).is_file():
         what = "holds no finished run" if folder.is_dir() else "is no folder"
-        raise CheckpointError(f"{folder} {what} ({RUN_RECORD} is missing): train one with 'handsight train'")
+        raise CheckpointError(f"{folder} {what} ({RUN_RECORD} is missing): to train one, see 'handsight train --help'")
 
 
 def remove_unfinished(folder: Path) -> None:

@@ -47,7 +47,9 @@ class TrainSettings:
     def __post_init__(self) -> None:
         faults = []
         if self.epochs < 1 or self.batch < 2:
-            faults.append(f"{self.epochs} epochs at batch {self.batch}, expected at least 1 epoch and 2 in a batch")
+            faults.append(
+                f"{counted(self.epochs, 'epoch')} at batch {self.batch}, expected at least 1 epoch and 2 in a batch"
+            )
         if not (0 < self.learning_rate < 1 and 0 <= self.weight_decay < 1):
             faults.append(
                 f"learning rate is {self.learning_rate}, weight decay {self.weight_decay}, expected in (0, 1), [0, 1)"
@@ -123,7 +125,7 @@ def _check_loss(loss: float, epoch: int, settings: TrainSettings) -> None:
     if not math.isfinite(loss):
         raise DivergedError(
             f"the loss is {loss} in epoch {epoch}, expected a number: lower the learning rate, which is "
-            f"{settings.learning_rate}, or look for damaged inputs with 'handsight dataset verify'"
+            f"{settings.learning_rate}, or look for damage in the dataset, see 'handsight dataset verify --help'"
         )
 
 

@@ -91,7 +91,9 @@ def place_heatmap(heatmap: Heatmap) -> GridPlacement:
         raise RecordingError(f"heatmap has scores of shape {heatmap.scores.shape}, expected {shape} from its grid")
     if not np.isfinite(heatmap.scores).all():
         count = int((~np.isfinite(heatmap.scores)).sum())
-        raise RecordingError(f"heatmap has {count} scores that are not numbers, expected all of them in [0, 1]")
+        raise RecordingError(
+            f"{count} of {heatmap.scores.size} scores of a heatmap are no numbers, expected all of them in [0, 1]"
+        )
     scale_x, scale_y = (_spacing(axis) for axis in (heatmap.columns_px, heatmap.rows_px))
     # The centre of cell j, j + 1/2, has to come to rest on the centre of its pixel, columns_px[j] + 1/2.
     return GridPlacement(

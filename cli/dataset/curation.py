@@ -6,11 +6,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from handsight.cli.completion import complete_filter, words
 from handsight.cli.dataset.author import author_named
 from handsight.cli.opening import open_repository, open_version
 from handsight.cli.options import Author, Dataset, DatasetBranch, DryRun, Filter, Ids, Json, Reason, Where
-from handsight.cli.output import console, print_json, print_table
-from handsight.datasets.errors import counted
+from handsight.cli.output import bold, console, print_json
+from handsight.cli.tables import Column, print_table, short_time
+from handsight.datasets.errors import counted, pasteable
 
 if TYPE_CHECKING:
     # These take a second to import; a command does so once its dataset is known to be there.
@@ -18,6 +20,9 @@ if TYPE_CHECKING:
     from handsight.datasets.format.decisions import Decision
     from handsight.datasets.reading.reader import GraspDataset
     from handsight.datasets.reading.selection import Selection
+
+
+_LABELS = ("success", "failure", "recorded")
 
 
 def exclude(
@@ -34,7 +39,7 @@ def exclude(
     """Keep attempts out of training; nothing is deleted, and 'restore' or 'undo' takes them back."""
     curator, which = _curator(dataset, author), _selection(dataset, ids, where, filter)
     decided = curator.exclude(which, reason, dry_run=dry_run)
-    _report("excluded", decided, dry_run=dry_run, as_json=as_json)
+    _report("excluded", decided, dataset, dry_run=dry_run, as_json=as_json)
 
 
 def restore(
@@ -51,7 +56,7 @@ def restore(
     """Take excluded attempts back in."""
     curator, which = _curator(dataset, author), _selection(dataset, ids, where, filter)
     decided = curator.restore(which, reason, dry_run=dry_run)
-    _report("restored", decided, dry_run=dry_run, as_json=as_json)
+    _report("restored", decided, dataset, dry_run=dry_run, as_json=as_json)
 
 
 def relabel(
@@ -59,7 +64,13 @@ def relabel(
     ids: Ids = None,
     *,
     label: Annotated[
-        str, typer.Option("--to", metavar="success|failure|recorded", help="The label; 'recorded' goes back to it.")
+        str,
+        typer.Option(
+            "--to",
+            metavar="success|failure|recorded",
+            help="The label; 'recorded' goes back to it.",
+            autocompletion=words(*_LABELS),
+        ),
     ],
     reason: Reason,
     where: Where = "",
@@ -69,14 +80,14 @@ def relabel(
     as_json: Json = False,
 ) -> None:
     """Correct labels; the recorded ones are kept."""
-    if label not in ("success", "failure", "recorded"):
+    if label not in _LABELS:
         raise typer.BadParameter(f"the label is {label!r}, expected success, failure or recorded", param_hint="--to")
     curator, which = _curator(dataset, author), _selection(dataset, ids, where, filter)
     if label == "recorded":
         decided = curator.unlabel(which, reason, dry_run=dry_run)
     else:
         decided = curator.relabel(which, label == "success", reason, dry_run=dry_run)
-    _report("relabelled", decided, dry_run=dry_run, as_json=as_json)
+    _report("relabelled", decided, dataset, dry_run=dry_run, as_json=as_json)
 
 
 def undo(
@@ -114,12 +125,23 @@ def decisions(dataset: Dataset, as_json: Json = False) -> None:
         )
         for one in overlay.decisions
     ]
-    print_table(("decision", "decided (UTC)", "what", "attempts", "author", "reason"), rows)
+    columns = (
+        "decision",
+        Column(heading="decided (UTC)", rank=3, short=short_time),
+        "what",
+        Column(heading="attempts", rank=1),
+        Column(heading="author", rank=2),
+        Column(heading="reason", prose="wrap"),
+    )
+    print_table(columns, rows)
 
 
 def filter_command(
     dataset: Dataset,
-    name: Annotated[str, typer.Argument(help="Filter to save or to delete; without it, all are listed.")] = "",
+    name: Annotated[
+        str,
+        typer.Argument(help="Filter to save or to delete; without it, all are listed.", autocompletion=complete_filter),
+    ] = "",
     where: Where = "",
     delete: Annotated[bool, typer.Option("--delete", help="Forget the filter.")] = False,
     replace: Annotated[bool, typer.Option("--replace", help="Give an existing filter another expression.")] = False,
@@ -132,10 +154,10 @@ def filter_command(
 
     if name and delete:
         forget_filter(repository, name, branch=ref)
-        console.print(f"forgot filter [bold]{name}[/]")
+        console.print("forgot filter ", bold(name))
     elif name and where:
         found = save_filter(repository, name, where, author=author_named(author), branch=ref, replace=replace)
-        console.print(f"saved filter [bold]{name}[/]: matches {counted(found, 'attempt')} now")
+        console.print("saved filter ", bold(name), f": matches {counted(found, 'attempt')} now")
     elif name:
         raise typer.BadParameter("give the filter an expression, or --delete it", param_hint="--where")
     else:
@@ -152,7 +174,8 @@ def _list_filters(dataset: GraspDataset, *, as_json: bool) -> None:
         print_json([{"filter": name, "where": where, "attempts": counts[name]} for name, where in filters.items()])
     else:
         print_table(
-            ("filter", "where", "attempts"), [(name, where, str(counts[name])) for name, where in filters.items()]
+            ("filter", "attempts", Column(heading="where", prose="wrap")),
+            [(name, str(counts[name]), where) for name, where in filters.items()],
         )
 
 
@@ -173,7 +196,7 @@ def _selection(dataset: str, ids: list[str] | None, where: str, filter: str) -> 
     return Selection(ids=tuple(whole), where=where, filter=filter)
 
 
-def _report(verb: str, decided: Decision | None, *, dry_run: bool, as_json: bool) -> None:
+def _report(verb: str, decided: Decision | None, dataset: str, *, dry_run: bool, as_json: bool) -> None:
     attempts = () if decided is None else decided.attempts
     if as_json:
         print_json({"attempts": attempts, "decision": None if decided is None or dry_run else decided.number})
@@ -184,7 +207,7 @@ def _report(verb: str, decided: Decision | None, *, dry_run: bool, as_json: bool
     would = "would have " if dry_run else ""
     console.print(f"{would}{verb} {counted(len(attempts), 'attempt')}")
     if decided is not None and not dry_run:
-        console.print(f"take it back with 'handsight dataset undo DATASET {decided.number}'")
+        console.print(f"take it back with {pasteable('handsight', 'dataset', 'undo', dataset, decided.number)}")
 
 
 def _what(decision: Decision) -> str:

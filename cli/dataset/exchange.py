@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from handsight.cli.completion import complete_dataset, complete_session, complete_version, words
 from handsight.cli.dataset.author import author_named
 from handsight.cli.opening import checked_address, open_repository, open_version
-from handsight.cli.options import Author, Dataset, DryRun, Json, TargetBranch
-from handsight.cli.output import console, print_json, progress_bar
-from handsight.datasets.errors import counted
+from handsight.cli.options import EXPORT_FORMAT_NAMES, FORMAT_NAMES, Author, Dataset, DryRun, Json, TargetBranch
+from handsight.cli.output import bold, console, print_json, progress_bar
+from handsight.datasets.errors import counted, pasteable
 from handsight.datasets.inputs.viewpoint import DEFAULT_VIEWPOINT
 
 if TYPE_CHECKING:
@@ -30,7 +31,10 @@ AllowMismatch = Annotated[
 def export_command(
     dataset: Dataset,
     target: Annotated[Path, typer.Argument(help="File or folder to make; nothing may be there.")],
-    format: Annotated[str, typer.Option("--format", "-f", help="One of hdf5, zarr, lerobot.")],
+    format: Annotated[
+        str,
+        typer.Option("--format", "-f", help="One of hdf5, zarr, lerobot.", autocompletion=words(*EXPORT_FORMAT_NAMES)),
+    ],
     as_json: Json = False,
 ) -> None:
     """Write a version, curation included, in another format."""
@@ -43,14 +47,23 @@ def export_command(
     if as_json:
         print_json({"format": format, "target": target, "attempts": attempts, "digest": version.digest})
         return
-    console.print(f"exported {counted(attempts, 'attempt')} of {dataset} to [bold]{target}[/] ({format})")
+    console.print(f"exported {counted(attempts, 'attempt')} of {dataset} to ", bold(target), f" ({format})")
 
 
 def import_command(
     source: Annotated[Path, typer.Argument(help="File or folder to import.")],
-    dataset: Annotated[str, typer.Argument(metavar="DATASET", help="Where to; made where there is none.")],
+    dataset: Annotated[
+        str,
+        typer.Argument(metavar="DATASET", help="Where to; made where there is none.", autocompletion=complete_dataset),
+    ],
     format: Annotated[
-        str | None, typer.Option("--format", "-f", help="One of hdf5, zarr, lerobot, images, instead of looking.")
+        str | None,
+        typer.Option(
+            "--format",
+            "-f",
+            help="One of hdf5, zarr, lerobot, images, instead of looking.",
+            autocompletion=words(*FORMAT_NAMES),
+        ),
     ] = None,
     map: Annotated[
         Path | None,
@@ -85,16 +98,26 @@ def import_command(
         mapped = {} if report.preview is None else {"mapped": report.preview}
         print_json({"format": report.format, "created": report.created, **_as_json(report.transfer), **mapped})
         return
-    _print_report(report.transfer, f"{source} ({report.format})", dataset, dry_run=dry_run)
+    _print_report(report.transfer, f"{source} ({report.format})", dataset, branch, dry_run=dry_run)
     if report.preview is not None:
         _print_preview(report.preview)
 
 
 def merge_command(
-    source: Annotated[str, typer.Argument(metavar="SOURCE[@REF]", help="Dataset to copy from.")],
-    dataset: Annotated[str, typer.Argument(metavar="DATASET", help="Dataset to copy to.")],
+    source: Annotated[
+        str, typer.Argument(metavar="SOURCE[@REF]", help="Dataset to copy from.", autocompletion=complete_version)
+    ],
+    dataset: Annotated[
+        str, typer.Argument(metavar="DATASET", help="Dataset to copy to.", autocompletion=complete_dataset)
+    ],
     session: Annotated[
-        list[str] | None, typer.Option("--session", "-s", help="ULID of a session to copy; repeat it. All by default.")
+        list[str] | None,
+        typer.Option(
+            "--session",
+            "-s",
+            help="ULID of a session to copy; repeat it. All by default.",
+            autocompletion=complete_session,
+        ),
     ] = None,
     branch: TargetBranch = "main",
     allow_mismatch: AllowMismatch = False,
@@ -121,7 +144,7 @@ def merge_command(
     if as_json:
         print_json(_as_json(report))
         return
-    _print_report(report, source, dataset, dry_run=dry_run)
+    _print_report(report, source, dataset, branch, dry_run=dry_run)
 
 
 def materialize_command(
@@ -143,7 +166,7 @@ def materialize_command(
     if as_json:
         print_json(facts)
         return
-    console.print(f"{counted(len(data.inputs), 'input')} of {dataset} in [bold]{data.file}[/]")
+    console.print(f"{counted(len(data.inputs), 'input')} of {dataset} in ", bold(data.file))
 
 
 def _as_json(report: TransferReport) -> dict[str, object]:
@@ -159,17 +182,18 @@ def _as_json(report: TransferReport) -> dict[str, object]:
     }
 
 
-def _print_report(report: TransferReport, source: str, target: str, *, dry_run: bool) -> None:
+def _print_report(report: TransferReport, source: str, target: str, branch: str, *, dry_run: bool) -> None:
     verb = "would add" if dry_run else "added"
     sessions = f"{counted(len(report.sessions), 'session')} with {counted(report.attempts, 'attempt')}"
-    console.print(f"{verb} {sessions} of {source} to [bold]{target}[/]")
+    console.print(f"{verb} {sessions} of {source} to ", bold(target))
     for ulid in report.duplicates:
         console.print(f"left out session {ulid}: its attempts are there already")
     for edit in report.edits:
         done = f"{'would have ' if dry_run else ''}{_EDITS[edit.action.name]} {counted(len(edit.attempts), 'attempt')}"
         label = "" if edit.value is None else f" as {'success' if edit.value else 'failure'}"
-        undo = "" if dry_run else f"; take it back with 'handsight dataset undo {target} {edit.number}'"
-        console.print(f"{done}{label}: {edit.reason}{undo}", markup=False)
+        call = pasteable("handsight", "dataset", "undo", f"{target}@{branch}", edit.number)
+        undo = "" if dry_run else f"; take it back with {call}"
+        console.print(f"{done}{label}: {edit.reason}{undo}")
 
 
 def _print_preview(preview: dict[str, Any]) -> None:

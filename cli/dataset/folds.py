@@ -7,10 +7,12 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from handsight.cli.completion import complete_folds
 from handsight.cli.dataset.author import author_named
 from handsight.cli.opening import open_repository, open_version
 from handsight.cli.options import Author, Dataset, Json, Seed
-from handsight.cli.output import print_json, print_table
+from handsight.cli.output import print_json
+from handsight.cli.tables import print_table
 
 if TYPE_CHECKING:
     # These take a second to import; a command does so once its dataset is known to be there.
@@ -20,7 +22,10 @@ if TYPE_CHECKING:
 
 def folds(
     dataset: Dataset,
-    name: Annotated[str, typer.Argument(help="Folds to make or to check; without it, all are listed.")] = "",
+    name: Annotated[
+        str,
+        typer.Argument(help="Folds to make or to check; without it, all are listed.", autocompletion=complete_folds),
+    ] = "",
     by: Annotated[
         Literal["object", "scene", "session"] | None,
         typer.Option("--by", help="Make the folds: what is never split between two."),

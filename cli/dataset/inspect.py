@@ -7,10 +7,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from handsight.cli.completion import complete_attempt, complete_columns
 from handsight.cli.errors import CommandError
 from handsight.cli.opening import open_repository, open_version
 from handsight.cli.options import MOST_ATTEMPTS, Dataset, Filter, Json, Where
-from handsight.cli.output import Output, console, errors, print_json, print_table
+from handsight.cli.output import bold, console, errors, print_json
+from handsight.cli.tables import Column, print_facts, print_prose, print_table, short_snapshot, short_time
 from handsight.datasets.errors import counted
 
 if TYPE_CHECKING:
@@ -18,19 +20,23 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from handsight.datasets.reading.listing import Listed, Listing
+    from handsight.datasets.reading.reader import GraspDataset
     from handsight.datasets.reading.stats import LabelStats, Share
     from handsight.datasets.records import GraspAttempt, StationSpec
 
-HEADINGS = {
-    "outcome": "outcome",
-    "target": "target",
-    "pregrasp_x_m": "x [m]",
-    "pregrasp_y_m": "y [m]",
-    "pregrasp_angle_rad": "angle [rad]",
-    "width_final_m": "width [m]",
-    "failure": "failure",
+SHOWN = {
+    "outcome": Column(heading="outcome", rank=1),
+    "excluded": Column(heading="excluded", rank=3),
+    "target": Column(heading="target", rank=2),
+    "pregrasp_x_m": Column(heading="x [m]", rank=6),
+    "pregrasp_y_m": Column(heading="y [m]", rank=7),
+    "pregrasp_angle_rad": Column(heading="angle [rad]", rank=8),
+    "width_final_m": Column(heading="width [m]", rank=5),
+    "failure": Column(heading="failure", rank=4, prose="clip"),
 }
-"""The columns that are shown unless others are asked for, and what stands over them."""
+"""The columns that are shown unless others are asked for, and how they give way."""
+ONLY_WHERE_ANY = ("excluded", "failure")
+"""Those of them that are left out where no attempt that is shown has any."""
 
 
 def info(dataset: Dataset, as_json: Json = False) -> None:
@@ -52,8 +58,7 @@ def info(dataset: Dataset, as_json: Json = False) -> None:
         ("schema", str(facts.schema_version)),
         ("digest", facts.digest),
     ]
-    for name, value in rows:
-        console.print(f"[bold]{name:<10}[/] {value}")
+    print_facts(rows)
 
 
 def log(dataset: Dataset, as_json: Json = False) -> None:
@@ -73,7 +78,14 @@ def log(dataset: Dataset, as_json: Json = False) -> None:
         )
         for entry in entries
     ]
-    print_table(("snapshot", "written (UTC)", "added", "refs", "message"), rows)
+    columns = (
+        Column(heading="snapshot", short=short_snapshot(entry.snapshot_id for entry in entries)),
+        Column(heading="written (UTC)", rank=2, short=short_time),
+        Column(heading="added", rank=3),
+        Column(heading="refs", rank=1),
+        Column(heading="message", prose="wrap"),
+    )
+    print_table(columns, rows)
 
 
 def ls(
@@ -81,17 +93,32 @@ def ls(
     where: Where = "",
     filter: Filter = "",
     sort: Annotated[
-        str, typer.Option("--sort", metavar="COLUMN", help="Smallest first, missing values last; shows the first rows.")
+        str,
+        typer.Option(
+            "--sort",
+            metavar="COLUMN",
+            help="Smallest first, missing values last; shows the first rows.",
+            autocompletion=complete_columns,
+        ),
     ] = "",
     reverse: Annotated[bool, typer.Option("--reverse", "-r", help="Largest first; without --sort, newest.")] = False,
     columns: Annotated[
-        str, typer.Option("--columns", metavar="A,B,C", help="Columns to show; any of those that --json prints.")
+        str,
+        typer.Option(
+            "--columns",
+            metavar="A,B,C",
+            help="Columns to show; any of those that --json prints.",
+            autocompletion=complete_columns,
+        ),
     ] = "",
     limit: Annotated[int, typer.Option("--limit", "-n", max=MOST_ATTEMPTS, help="Rows to show; 0 shows all.")] = 20,
     ids: Annotated[bool, typer.Option("--ids", help="Print ids alone, to pass to another command.")] = False,
     as_json: Json = False,
 ) -> None:
-    """List attempts, excluded ones too: the newest of those that match, newest last."""
+    """List attempts, excluded ones too: the newest of those that match, newest last.
+
+    Where room is short, ids are written as SESSION-NUMBER, which every command takes, and columns are left out.
+    """
     if ids and columns:
         raise CommandError(f"--ids prints no columns, and --columns is {columns!r}: leave one of the two out")
     version = open_version(dataset)
@@ -110,24 +137,32 @@ def ls(
         keys = found.rows.index.tolist()
         print_json(keys) if as_json else console.print("\n".join(keys))
         if len(keys) < found.matched:  # Who passes them on should know that there are more.
-            _print_counts(found, listing, errors)
+            errors.print(_counts(found, listing))
     elif as_json:
         # As objects, because a row of numbers alone would turn whole numbers into fractions.
         print_json([{"attempt": key, **_json_row(row)} for key, row in found.rows.astype(object).iterrows()])
     else:
-        _print_rows(found, headings={} if columns else HEADINGS)
-        _print_counts(found, listing, console)
+        _print_rows(found, version, chosen=bool(columns))
+        _print_counts(found, listing)
 
 
 def show(
     dataset: Dataset,
     attempt: Annotated[
-        str, typer.Argument(metavar="ATTEMPT", help="Id as printed by ls, a unique beginning of one, or a number.")
+        str,
+        typer.Argument(
+            metavar="ATTEMPT",
+            help="Id as printed by ls, a unique beginning of one, or a number.",
+            autocompletion=complete_attempt,
+        ),
     ],
     picture: Annotated[
         Path | None,
         typer.Option("--picture", metavar="FILE.png", help="Draw what was seen, and the grasp in it."),
     ] = None,
+    everything: Annotated[
+        bool, typer.Option("--all", help="Also conditions that other sessions of the dataset varied, and this did not.")
+    ] = False,
     as_json: Json = False,
 ) -> None:
     """Print everything known of an attempt."""
@@ -145,13 +180,20 @@ def show(
     if as_json:
         print_json({"attempt": attempt, **facts, "station": station})
         return
-    console.print(f"[bold]{attempt}[/]")
-    for name, value in facts.items():
-        console.print(f"  {name:<22} {_cell(value)}")
+    still = () if everything else conditions_not_varied(opened, station)
     intrinsics = station.camera.intrinsics
-    console.print(f"  {'station':<22} {station.source}, camera {intrinsics.width}x{intrinsics.height}")
+    console.print(bold(attempt))
+    print_facts(
+        [
+            *((name, _cell(value) or "-") for name, value in facts.items() if name not in still),
+            ("station", f"{station.source}, camera {intrinsics.width}x{intrinsics.height}"),
+        ],
+        indent=2,
+    )
+    if still:
+        console.print(f"  {counted(len(still), 'condition')} not varied in its session; --all shows them")
     if picture is not None:
-        console.print(f"[bold]{picture}[/]: what was seen, and the grasp in it")
+        console.print(bold(picture), ": what was seen, and the grasp in it")
 
 
 def stats(
@@ -175,9 +217,9 @@ def stats(
     if as_json:
         print_json(found)
         return
-    console.print(
+    print_prose(
         f"{found.successes} of {counted(found.labelled, 'labelled attempt')} succeed; "
-        f"{found.unlabelled} carry no label, {found.excluded} are excluded"
+        f"left out: {found.unlabelled} without a label, {found.excluded} excluded"
     )
     for title, shares in (
         ("object", found.objects),
@@ -188,7 +230,7 @@ def stats(
     ):
         print_table((title, "attempts", "successful"), [_share_row(share) for share in shares])
     if plot is not None:
-        console.print(f"[bold]{plot}[/]: the same as a figure, with place and time")
+        console.print(bold(plot), ": the same as a figure, with place and time")
 
 
 # The next four import what draws when it is wanted: Matplotlib takes a second.
@@ -217,6 +259,12 @@ def _draw_stats(found: LabelStats, path: Path, title: str) -> None:
     stats_figure(found, path, title=title)
 
 
+def conditions_not_varied(dataset: GraspDataset, station: StationSpec) -> set[str]:
+    """Conditions that some session of a version varied, and one with this station did not."""
+    varied = {name for session in dataset.sessions for name in session.header.station.conditions}
+    return varied - set(station.conditions)
+
+
 def _share_row(share: Share) -> tuple[str, str, str]:
     return share.name, str(share.attempts), f"{share.rate:.1%}" if share.attempts else "-"
 
@@ -225,16 +273,34 @@ def _columns(text: str, sort: str, *, as_json: bool) -> tuple[str, ...] | None:
     """What to read: the columns asked for; else all for programs, and for people a few and what is sorted by."""
     if text:
         return tuple(dict.fromkeys(name.strip() for name in text.split(",")))
-    return None if as_json else tuple(dict.fromkeys([*HEADINGS, *([sort] if sort else [])]))
+    return None if as_json else tuple(dict.fromkeys([*SHOWN, *([sort] if sort else [])]))
 
 
-def _print_rows(found: Listed, *, headings: dict[str, str]) -> None:
-    names = [str(name) for name in found.rows.columns]
-    rows = [(str(key), *map(_cell, row)) for key, *row in found.rows.itertuples(name=None)]
-    print_table(("attempt", *(headings.get(name, name) for name in names)), rows)
+def _print_rows(found: Listed, version: GraspDataset, *, chosen: bool) -> None:
+    """The table; ``chosen`` says that its columns were asked for by name."""
+    from handsight.datasets.reading.attempt_ids import short_id  # a second; see above
+
+    cells = {str(name): [_cell(value) for value in values] for name, values in found.rows.items()}
+    if not chosen:
+        cells["excluded"] = ["yes" if value == "True" else "" for value in cells["excluded"]]
+        cells = {name: column for name, column in cells.items() if any(column) or name not in ONLY_WHERE_ANY}
+    columns = [
+        # Of columns that were asked for, the last go first; what is sorted by is asked for too.
+        Column(heading=name, rank=at if chosen else 0) if chosen or name not in SHOWN else SHOWN[name]
+        for at, name in enumerate(cells, 1)
+    ]
+    keys = [str(key) for key in found.rows.index]
+    rows = [list(row) for row in zip(keys, *cells.values(), strict=True)]
+    print_table([Column(heading="attempt", short=short_id(version)), *columns], rows)
 
 
-def _print_counts(found: Listed, listing: Listing, to: Output) -> None:
+def _print_counts(found: Listed, listing: Listing) -> None:
+    said = _counts(found, listing)
+    if said:
+        print_prose(said)
+
+
+def _counts(found: Listed, listing: Listing) -> str:
     """How many match and how many are shown; nothing where the table is all there is."""
     shown = len(found.rows)
     which = f"the {'first' if listing.sort else 'last'} {shown}"
@@ -242,11 +308,9 @@ def _print_counts(found: Listed, listing: Listing, to: Output) -> None:
     if listing.where or listing.filter:
         match = f"{found.matched} of {counted(found.total, 'attempt')} match"
         if shown < found.matched:
-            to.print(f"{match}; shown are {which}{order}; --limit 0 shows all")
-        else:
-            to.print(match + (", all shown" if shown else ""))
-    elif shown < found.total:
-        to.print(f"{which} of {found.total}{order}; --limit 0 shows all")
+            return f"{match}; shown are {which}{order}; --limit 0 shows all"
+        return match + (", all shown" if shown else "")
+    return f"{which} of {found.total}{order}; --limit 0 shows all" if shown < found.total else ""
 
 
 def _json_row(row: pd.Series[Any]) -> dict[str, Any]:
@@ -262,10 +326,11 @@ def _json_cell(value: Any) -> Any:
 
 
 def _cell(value: Any) -> str:
-    import pandas as pd  # here, as everything that is slow to import
+    import numpy as np  # here, as everything that is slow to import
+    import pandas as pd
 
     if isinstance(value, list | tuple):
         return ", ".join(map(str, value))
     if value is None or pd.isna(value):
         return "-"
-    return f"{value:.4f}" if isinstance(value, float) else str(value)
+    return f"{value:.4f}" if isinstance(value, float | np.floating) else str(value)

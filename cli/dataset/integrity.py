@@ -27,12 +27,14 @@ from handsight.cli.options import (
     NewBranch,
     Seed,
 )
-from handsight.cli.output import console, escaped, print_json, print_table, progress_bar
+from handsight.cli.output import bold, console, print_json, progress_bar
+from handsight.cli.tables import Column, print_table
 from handsight.datasets.address import S3Prefix
 from handsight.datasets.errors import counted
 
 if TYPE_CHECKING:
     # These take a second to import; a command does so once its dataset is known to be there.
+    from handsight.datasets.integrity.doctor.findings import Finding
     from handsight.datasets.integrity.repair import ResimulateAttempt
     from handsight.datasets.integrity.verify import VerifyReport
     from handsight.datasets.integrity.verify_all import AllReport
@@ -48,6 +50,8 @@ IgnoreWriter = Annotated[
     list[str] | None,
     typer.Option("--ignore-writer", metavar="ID", help="A writer to a bucket that is gone; may be given again."),
 ]
+_EXAMPLES = 3
+"""Attempts that are shown for each finding; --json has them all."""
 _AGE = re.compile(r"([0-9]+)([smhdw])")
 _EARLIEST = datetime(1970, 1, 1, tzinfo=UTC)
 _UNITS = {"s": "seconds", "m": "minutes", "h": "hours", "d": "days", "w": "weeks"}
@@ -88,14 +92,29 @@ def doctor_command(
     if as_json:
         print_json({"ok": found.ok, "findings": found.findings})
     else:
-        rows = [(one.code, one.severity, one.message, ", ".join(one.attempts[:3])) for one in found.findings]
-        if rows:
-            print_table(("code", "severity", "finding", "attempts"), rows)
+        _print_findings(opened, found.findings)
         console.print(
             "no errors or warnings" if found.ok else "fix the findings above or exclude their attempts, and run again"
         )
     if not found.ok:
         raise typer.Exit(1)
+
+
+def _print_findings(dataset: GraspDataset, findings: Sequence[Finding]) -> None:
+    from handsight.datasets.reading.attempt_ids import short_id  # a second; see above
+
+    shortened = short_id(dataset)
+    rows = [
+        (one.code, one.severity, ", ".join(map(shortened, one.attempts[:_EXAMPLES])), one.message) for one in findings
+    ]
+    columns = (
+        "code",
+        Column(heading="severity", rank=1),
+        Column(heading="attempts", rank=2, prose="wrap"),
+        Column(heading="finding", prose="wrap"),
+    )
+    if rows:
+        print_table(columns, rows)
 
 
 def verify_command(
@@ -165,8 +184,9 @@ def repair_command(
         return
     simulated = counted(len(done.simulated), "attempt")
     console.print(
-        f"branch [bold]{done.branch}[/] ({done.snapshot}): {simulated} brought back by simulation, "
-        f"{len(done.lost)} lost and excluded"
+        "branch ",
+        bold(done.branch),
+        f" ({done.snapshot}): {simulated} brought back by simulation, {len(done.lost)} lost and excluded",
     )
 
 
@@ -265,9 +285,9 @@ def _verify_all(dataset: str, jobs: int, *, as_json: bool) -> None:
 
 def _print_all_verified(report: AllReport) -> None:
     for attempt, fault in report.faults.items():
-        console.print(f"[bold]{attempt}[/] (in {', '.join(report.damaged_in.get(attempt, ()))}) {escaped(fault)}")
+        console.print(bold(attempt), f" (in {', '.join(report.damaged_in.get(attempt, ()))}) {fault}")
     for line in (*report.damage, *map(str, report.files), *report.lost_refs, *report.unread):
-        console.print(line, markup=False)
+        console.print(line)
     found = len(report.damage) + len(report.files) + len(report.lost_refs)
     verdict = "as recorded" if report.ok else f"{len(report.corrupt)} corrupt, {counted(found, 'fault')} beside them"
     console.print(
@@ -278,7 +298,7 @@ def _print_all_verified(report: AllReport) -> None:
 
 def _print_verified(report: VerifyReport) -> None:
     for attempt, fault in report.faults.items():
-        console.print(f"[bold]{attempt}[/] {fault}")
+        console.print(bold(attempt), f" {fault}")
     for damage in report.damage:
         console.print(damage)
     _print_lost_refs(report)
@@ -288,7 +308,7 @@ def _print_verified(report: VerifyReport) -> None:
 
 def _print_lost_refs(report: VerifyReport) -> None:
     for fault in report.lost_refs:
-        console.print(fault, markup=False)
+        console.print(fault)
 
 
 @contextmanager

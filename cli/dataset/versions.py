@@ -6,10 +6,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from handsight.cli.completion import complete_branch_name, complete_other_version, complete_ref, complete_version
 from handsight.cli.opening import open_repository, open_version
 from handsight.cli.options import Dataset, DatasetBranch, DatasetPath, DryRun, Json, Message, NewBranch
-from handsight.cli.output import console, print_json, print_table
-from handsight.datasets.errors import CorruptDataError, RefNotFoundError, counted
+from handsight.cli.output import bold, console, print_json
+from handsight.cli.tables import Column, print_facts, print_table, short_snapshot
+from handsight.datasets.errors import CorruptDataError, RefNotFoundError, counted, pasteable
 
 if TYPE_CHECKING:
     # These take a second to import; a command does so once its dataset is known to be there.
@@ -26,7 +28,7 @@ def init(dataset: DatasetPath) -> None:
     from handsight.datasets.store.repository import GraspRepository  # a second; see above
 
     GraspRepository.create(dataset)
-    console.print(f"created an empty dataset at [bold]{dataset}[/]")
+    console.print("created an empty dataset at ", bold(dataset))
 
 
 def release(
@@ -37,14 +39,20 @@ def release(
     """Give a version an immutable name."""
     repository, ref = open_repository(dataset)
     made = repository.release(name, ref, message)
-    console.print(f"released {repository.path}@[bold]{made.name}[/] (snapshot {made.snapshot_id})")
+    console.print(f"released {repository.path}@", bold(made.name), f" (snapshot {made.snapshot_id})")
 
 
 def diff(
-    before: Annotated[str, typer.Argument(metavar="DATASET[@REF]", help="The version left.")],
+    before: Annotated[
+        str, typer.Argument(metavar="DATASET[@REF]", help="The version left.", autocompletion=complete_version)
+    ],
     after: Annotated[
         str,
-        typer.Argument(metavar="DATASET[@REF] | REF", help="The version reached; a ref alone is of the same dataset."),
+        typer.Argument(
+            metavar="DATASET[@REF] | REF",
+            help="The version reached; a ref alone is of the same dataset.",
+            autocompletion=complete_other_version,
+        ),
     ],
     as_json: Json = False,
 ) -> None:
@@ -61,7 +69,13 @@ def diff(
 
 def branch(
     dataset: Dataset,
-    name: Annotated[str, typer.Argument(help="Branch to begin at REF, or to delete; without it, all are listed.")] = "",
+    name: Annotated[
+        str,
+        typer.Argument(
+            help="Branch to begin at REF, or to delete; without it, all are listed.",
+            autocompletion=complete_branch_name,
+        ),
+    ] = "",
     delete: Annotated[bool, typer.Option("--delete", help="Delete the branch.")] = False,
     force: Annotated[bool, typer.Option("--force", help="Delete it even if its commits are nowhere else.")] = False,
     as_json: Json = False,
@@ -75,19 +89,23 @@ def branch(
         if as_json:
             print_json([{"branch": one, "snapshot": snapshot} for one, snapshot in branches.items()])
         else:
-            print_table(("branch", "snapshot"), list(branches.items()))
+            short = short_snapshot(branches.values())
+            print_table(("branch", Column(heading="snapshot", short=short)), list(branches.items()))
     elif delete:
         snapshot = delete_branch(repository, name, force=force)
-        console.print(f"deleted branch [bold]{name}[/]; until the next gc it is back with")
-        console.print(f"  handsight dataset branch {repository.path}@{snapshot} {name}")
+        again = pasteable("handsight", "dataset", "branch", f"{repository.path}@{snapshot}", name)
+        console.print("deleted branch ", bold(name), f"; until the next gc it is back with {again}")
     else:
         snapshot = create_branch(repository, name, ref)
-        console.print(f"branch [bold]{name}[/] begins at {snapshot}")
+        console.print("branch ", bold(name), f" begins at {snapshot}")
 
 
 def revert_command(
     dataset: DatasetBranch,
-    ref: Annotated[str, typer.Argument(help="Release, branch or snapshot whose content it shall have.")],
+    ref: Annotated[
+        str,
+        typer.Argument(help="Release, branch or snapshot whose content it shall have.", autocompletion=complete_ref),
+    ],
     message: Message = "",
     dry_run: DryRun = False,
     as_json: Json = False,
@@ -133,14 +151,15 @@ def _version(repository: GraspRepository, text: str) -> GraspDataset:
 
 
 def _print_diff(found: VersionDiff) -> None:
+    facts = []
     for name in ("added", "removed", "replaced", "excluded", "restored", "relabelled"):
         ids: tuple[str, ...] = getattr(found, name)
         if ids:
             more = f" and {len(ids) - _LISTED} more" if len(ids) > _LISTED else ""
-            console.print(f"[bold]{name:<11}[/] {len(ids):>6}  {', '.join(ids[:_LISTED])}{more}")
+            facts.append((name, f"{len(ids)}: {', '.join(ids[:_LISTED])}{more}"))
     if found.empty:
         console.print("the same attempts, curated alike")
-    console.print(f"[bold]{'balance':<11}[/] {_share(found.balance_before)} -> {_share(found.balance_after)}")
+    print_facts([*facts, ("balance", f"{_share(found.balance_before)} -> {_share(found.balance_after)}")])
     if found.objects:
         rows = [(name, _share(was), _share(now)) for name, (was, now) in found.objects.items()]
         print_table(("object", "before", "after"), rows)
@@ -167,6 +186,8 @@ def migrate_command(
         console.print(f"{dataset} has the newest schema already: no branch was made")
     else:
         console.print(
-            f"branch [bold]{done.branch}[/] ({done.snapshot}): {counted(done.sessions, 'session')} upgraded from "
-            f"schema {done.schema_before} to {done.schema_after}"
+            "branch ",
+            bold(done.branch),
+            f" ({done.snapshot}): {counted(done.sessions, 'session')} upgraded from schema {done.schema_before} "
+            f"to {done.schema_after}",
         )

@@ -10,6 +10,7 @@ from typing import Any
 from handsight.collection.errors import StationSettingsError
 from handsight.collection.sim.renderer import RENDERERS, TINY
 from handsight.collection.station import Workspace
+from handsight.datasets.errors import counted
 from handsight.servoing.camera import HandCamera, Intrinsics
 
 D435_COLOUR_FOV_Y_RAD = math.radians(42.5)
@@ -91,7 +92,7 @@ class SimConfig:
             faults.append(f"solver_residual is {self.solver_residual}, expected 0 to 1")
         if self.physics_hz < 60 or self.solver_iterations < 1:
             faults.append(
-                f"physics runs at {self.physics_hz} Hz with {self.solver_iterations} iterations, "
+                f"physics runs at {self.physics_hz} Hz with {counted(self.solver_iterations, 'iteration')}, "
                 "expected at least 60 Hz and 1 iteration"
             )
         unknown = [kind for kind in self.vary if kind not in RANDOMIZED]

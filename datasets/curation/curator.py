@@ -162,7 +162,9 @@ def _text_faults(name: str, text: str, size: int) -> list[str]:
     if not text.strip():
         faults.append(f"{name} is empty, expected some text")
     if "\0" in text or len(text.encode(errors="replace")) > size:
-        faults.append(f"{name} takes {len(text)} characters, expected at most {size} bytes of UTF-8 without NUL")
+        faults.append(
+            f"{name} takes {counted(len(text), 'character')}, expected at most {size} bytes of UTF-8 without NUL"
+        )
     if text.encode(errors="ignore").decode() != text:
         faults.append(f"{name} holds a lone surrogate, expected text that UTF-8 can write")
     return faults

@@ -171,7 +171,7 @@ def _source(file: h5py.File, ulid: str, path: Path, schema: int) -> SessionSourc
     if size > demos:
         # Before any column is read: a few bytes suffice to claim any number of rows.
         raise InterchangeError(
-            f"{path}: session {ulid} claims {counted(size, 'attempt')}, and the file has {demos} demos"
+            f"{path}: session {ulid} claims {counted(size, 'attempt')}, and the file has {counted(demos, 'demo')}"
         )
     source = checked_source(ulid, attributes, size=size)
     widths = column_widths(source.header)

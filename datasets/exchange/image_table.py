@@ -156,8 +156,8 @@ def _station(path: Path) -> StationSpec:
             raise trouble from error
         reason = error.strerror if isinstance(error, OSError) else error
         raise InterchangeError(
-            f"{path} is no station spec: {reason}; expected the JSON object that 'handsight dataset show --json' "
-            "prints as 'station'"
+            f"{path} is no station spec: {reason}; expected the JSON object that stands at 'station' where "
+            "an attempt is shown with --json"
         ) from error
 
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 
 from handsight.datasets.address import DEFAULT_REF
-from handsight.datasets.errors import SessionNotFoundError, counted
+from handsight.datasets.errors import SessionNotFoundError, counted, pasteable
 from handsight.datasets.exchange.places import staying_in_place
 from handsight.datasets.exchange.sources import stored_sources
 from handsight.datasets.exchange.transfer import TransferReport, transfer
@@ -54,7 +54,8 @@ def merge(
     if missing:
         raise SessionNotFoundError(
             f"{source.repository.path}@{source.ref} has no session {', '.join(missing)} "
-            f"({counted(len(available), 'session')}): see 'handsight dataset info'"
+            f"({counted(len(available), 'session')}): "
+            f"see {pasteable('handsight', 'dataset', 'stats', f'{source.repository.path}@{source.ref}')}"
         )
     reading = being_read(source.repository, source.snapshot_id, f"merge into {target.path}")
     with staying_in_place(target.path), nullcontext() if dry_run else reading:

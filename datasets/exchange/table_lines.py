@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from handsight.datasets.errors import InterchangeError
+from handsight.datasets.errors import InterchangeError, counted
 from handsight.datasets.format.typed import listed, shown
 from handsight.datasets.machine import of_the_machine
 
@@ -53,7 +53,7 @@ def read_lines(path: Path, *, required: Sequence[str], optional: Sequence[str]) 
     faults = _column_faults(columns, required, optional)
     if not faults:
         faults += [
-            f"line {number} has {len(cells)} cells, expected {len(columns)}"
+            f"line {number} has {counted(len(cells), 'cell')}, expected {len(columns)}"
             for number, cells in rows[1:]
             if len(cells) != len(columns)
         ]

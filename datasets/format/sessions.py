@@ -134,7 +134,7 @@ def _read_session(group: zarr.Group, ulid: str) -> SessionInfo:
     except HeaderError as error:
         raise CorruptDataError(
             f"session {ulid} cannot be read: {error}; restore the dataset from a copy, or open a version from before "
-            "it, which 'handsight dataset log' lists"
+            "it, one of those that the log lists"
         ) from error
 
 

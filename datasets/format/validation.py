@@ -280,7 +280,9 @@ def _failure_faults(failure: str) -> list[str]:
     if phase not in PHASES or not colon or not reason.strip():
         faults.append(f"failure is {failure!r}, expected 'phase: reason' with a phase of {', '.join(PHASES)}")
     if len(failure.encode(errors="replace")) > FAILURE_BYTES or "\0" in failure:
-        faults.append(f"failure takes {len(failure)} characters, expected {FAILURE_BYTES} bytes of UTF-8 without NUL")
+        faults.append(
+            f"failure takes {counted(len(failure), 'character')}, expected {FAILURE_BYTES} bytes of UTF-8 without NUL"
+        )
     if not failure.isascii() and failure != failure.encode(errors="ignore").decode():
         faults.append("failure holds a lone surrogate, expected text that UTF-8 can write")
     return faults

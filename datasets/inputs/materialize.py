@@ -110,7 +110,7 @@ def usable_attempts(dataset: GraspDataset, viewpoint: Viewpoint) -> pd.DataFrame
     if rows.empty:
         raise NoTrainingDataError(
             f"{dataset.repository.path}@{dataset.ref} has no labelled attempt with a {viewpoint} picture that is not "
-            "excluded, expected some: collect more with 'handsight collect sim', or restore some"
+            "excluded, expected some: collect more, or restore some"
         )
     return rows
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.utils.data import Dataset
 
-from handsight.datasets.errors import CorruptDataError
+from handsight.datasets.errors import CorruptDataError, counted
 from handsight.datasets.inputs.augmentation import FLIPS, flipped
 from handsight.datasets.inputs.materialize import GraspInputs
 
@@ -73,8 +73,8 @@ def _mapped(file: Path, shape: tuple[int, ...]) -> NDArray[np.float16]:
         raise CorruptDataError(f"{file} holds {found}, expected float16 of shape {shape}: {remedy}")
     if len(mapped) != shape[0]:
         raise CorruptDataError(
-            f"{file} holds {len(mapped)} inputs, expected {shape[0]}: pickle a dataset that was made from all inputs "
-            "of a version, and choose rows with a sampler"
+            f"{file} holds {counted(len(mapped), 'input')}, expected {shape[0]}: pickle a dataset that was made from "
+            "all inputs of a version, and choose rows with a sampler"
         )
     return mapped
 

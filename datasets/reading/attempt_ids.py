@@ -7,10 +7,11 @@ looked at, never the table, so a million attempts cost no more than ten.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from itertools import islice
 
-from handsight.datasets.errors import AttemptNotFoundError
+from handsight.datasets.errors import AttemptNotFoundError, pasteable
+from handsight.datasets.format.beginnings import telling_length
 from handsight.datasets.format.schema import attempt_id, attempt_number
 from handsight.datasets.format.sessions import SessionInfo
 from handsight.datasets.reading.reader import GraspDataset
@@ -41,6 +42,18 @@ def resolve_attempt_ids(dataset: GraspDataset, texts: Sequence[str]) -> list[str
     if faults:
         raise AttemptNotFoundError("; ".join(faults))
     return list(found)
+
+
+def short_id(dataset: GraspDataset) -> Callable[[str], str]:
+    """What writes ids of a version shortly, as ``01M89WDX-92``, such that :func:`resolve_attempt_ids` takes it."""
+    length = telling_length(one.ulid for one in dataset.sessions)
+
+    def shortened(attempt: str) -> str:
+        ulid, dash, digits = attempt.partition("-")
+        number = attempt_number(digits)
+        return attempt if number is None else f"{ulid[:length]}{dash}{number}"
+
+    return shortened
 
 
 _Ranges = list[tuple[SessionInfo, range]]
@@ -96,5 +109,5 @@ def _fault(dataset: GraspDataset, text: str, ranges: _Ranges, count: int) -> str
     more = f" and {len(dataset.sessions) - _SHOWN} more" if len(dataset.sessions) > _SHOWN else ""
     return (
         f"there is no attempt {text!r} in {where} (attempts of each session: {', '.join(sessions) or 'none'}{more}): "
-        "see 'handsight dataset ls'"
+        f"see {pasteable('handsight', 'dataset', 'ls', where)}"
     )

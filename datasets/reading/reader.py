@@ -19,6 +19,7 @@ from handsight.datasets.errors import (
     FrameNotFoundError,
     SessionNotFoundError,
     counted,
+    pasteable,
 )
 from handsight.datasets.format.arrays import array_at, group_at, read_rows
 from handsight.datasets.format.attempts_table import LazyColumns, attempts_table
@@ -252,7 +253,8 @@ class GraspDataset:
     def _locate(self, attempt: str) -> tuple[str, int]:
         ulid, number = parse_attempt_id(attempt)
         if ulid not in self._sessions or number >= self._sessions[ulid].attempts:
-            raise AttemptNotFoundError(f"{self._name} has no attempt {attempt!r}: see 'handsight dataset ls'")
+            listing = pasteable("handsight", "dataset", "ls", self._name)
+            raise AttemptNotFoundError(f"{self._name} has no attempt {attempt!r}: see {listing}")
         return ulid, number
 
     def _taken(self, viewpoint: Viewpoint) -> list[tuple[str, int]]:

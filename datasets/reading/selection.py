@@ -60,7 +60,7 @@ def select(table: pd.DataFrame, selection: Selection, filters: dict[str, str]) -
         if missing:
             raise AttemptNotFoundError(
                 f"there is no attempt {', '.join(missing[:5])}{f' and {len(missing) - 5} more' * (len(missing) > 5)} "
-                "in this version: see 'handsight dataset ls'"
+                "in this version, expected ids of its attempts table"
             )
         return table.index[table.index.isin(selection.ids)].tolist()
     chosen = pd.Series(True, index=table.index)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,9 @@ from handsight.datasets.format.decisions import trainable
 from handsight.datasets.reading.reader import GraspDataset
 
 BINS = 8
-"""Bins for each quantity in the tables."""
+"""Rows for each quantity in the tables, at most."""
+FEWEST_IN_A_BIN = 5
+"""Attempts for which another row is worth its place."""
 ANGLE_BINS = 12
 """Of 15 degrees each."""
 WIDTH_BINS = 40
@@ -107,7 +110,11 @@ class LabelStats:
     """By target, sorted by name; attempts whose target is unknown are left out."""
     sessions: tuple[Share, ...]
     angle_rad: tuple[Share, ...]
-    """By grasp angle, taken within half a turn: a jaw turned by half a turn is the same jaw."""
+    """By grasp angle, taken within half a turn: a jaw turned by half a turn is the same jaw.
+
+    This one and the next two in rows of nearly equal counts, each called after the smallest and the largest value that
+    it holds. A value that many attempts share, such as the opening of closed jaws, has a row to itself.
+    """
     width_m: tuple[Share, ...]
     """By final opening."""
     force_n: tuple[Share, ...]
@@ -144,9 +151,9 @@ def label_stats(dataset: GraspDataset) -> LabelStats:
         unlabelled=int((table["success"].isna() & ~table["excluded"]).sum()),
         objects=_by_value(rows["target"], success),
         sessions=_by_value(rows["session"], success),
-        angle_rad=_named(_counted(angle_rad, labels, _equal_edges(angle_rad, BINS))),
-        width_m=_named(_counted(width_m, labels, _equal_edges(width_m, BINS))),
-        force_n=_named(_counted(force_n, labels, _equal_edges(force_n, BINS))),
+        angle_rad=_by_quantile(angle_rad, labels),
+        width_m=_by_quantile(width_m, labels),
+        force_n=_by_quantile(force_n, labels),
         angle_bins_rad=_counted(angle_rad, labels, np.linspace(-math.pi / 2, math.pi / 2, ANGLE_BINS + 1)),
         width_bins_m=_counted(width_m, labels, _equal_edges(width_m, WIDTH_BINS)),
         no_contact=Share(name="no contact", attempts=int(met_none.sum()), successes=int(labels[met_none].sum())),
@@ -163,6 +170,30 @@ def _by_value(values: pd.Series[str], success: pd.Series[bool]) -> tuple[Share, 
         Share(name=str(name), attempts=int(size), successes=int(successes))
         for name, size, successes in counts.itertuples()
     )
+
+
+def _by_quantile(values: NDArray[np.float64], labels: NDArray[np.bool_]) -> tuple[Share, ...]:
+    """Rows of nearly equal counts, ascending; equal values are never apart, and frequent ones are by themselves."""
+    finite = np.isfinite(values)
+    values, labels = values[finite], labels[finite]
+    distinct, counts = np.unique(values, return_counts=True)
+    frequent = counts * BINS > len(values)
+    # Cut at the first of every frequent value, behind it, and among the others where equally many attempts lie before.
+    cuts = {0, len(distinct), *np.flatnonzero(frequent), *(np.flatnonzero(frequent) + 1)}
+    others = np.where(frequent, 0, counts)
+    rows = max(1, min(BINS - int(frequent.sum()), int(others.sum()) // FEWEST_IN_A_BIN))
+    before = np.cumsum(others) - others
+    cuts |= {int(np.searchsorted(before, others.sum() * row / rows)) for row in range(1, rows)}
+    at = np.searchsorted(distinct, values)
+    return tuple(
+        _row(distinct[low], distinct[high - 1], labels[(at >= low) & (at < high)])
+        for low, high in pairwise(sorted(cuts))
+    )
+
+
+def _row(low: float, high: float, labels: NDArray[np.bool_]) -> Share:
+    name = f"{low:.4g}" if low == high else f"{low:.4g} to {high:.4g}"
+    return Share(name=name, attempts=len(labels), successes=int(labels.sum()))
 
 
 def _equal_edges(values: NDArray[np.float64], bins: int) -> NDArray[np.float64]:
@@ -193,15 +224,6 @@ def _counted(values: NDArray[np.float64], labels: NDArray[np.bool_], edges: NDAr
     successes = np.bincount(which, weights=labels[finite], minlength=len(edges) - 1).astype(np.int64)
     return Histogram(
         edges=tuple(edges.tolist()), attempts=tuple(attempts.tolist()), successes=tuple(successes.tolist())
-    )
-
-
-def _named(histogram: Histogram) -> tuple[Share, ...]:
-    """The bins as they stand in a table."""
-    ranges = zip(histogram.edges, histogram.edges[1:], strict=False)
-    return tuple(
-        Share(name=f"{low:.4g} to {high:.4g}", attempts=attempts, successes=successes)
-        for (low, high), attempts, successes in zip(ranges, histogram.attempts, histogram.successes, strict=True)
     )
 
 

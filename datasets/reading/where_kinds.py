@@ -17,6 +17,8 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.compute as pc
 
+from handsight.datasets.errors import counted
+
 Kind = Literal["number", "text", "time", "truth"]
 
 METHODS = ("between", "contains", "endswith", "isin", "isna", "lower", "notna", "startswith", "str", "upper")
@@ -257,7 +259,7 @@ class _Checked:
 
     def _count(self, node: ast.Call, expected: int) -> None:
         if len(node.args) != expected:
-            self._refuse(f"{_text(node)} has {len(node.args)} values in brackets, expected {expected}")
+            self._refuse(f"{_text(node)} has {counted(len(node.args), 'value')} in brackets, expected {expected}")
 
 
 def as_time(text: object) -> pd.Timestamp | None:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import icechunk
 
 from handsight.datasets.address import S3Prefix
-from handsight.datasets.errors import CorruptDataError, headline
+from handsight.datasets.errors import CorruptDataError, headline, pasteable
 from handsight.datasets.machine import of_the_machine
 from handsight.datasets.store.icechunk_engine import icechunk_errors
 from handsight.datasets.store.refs import is_deleted_tag, restore_tag
@@ -86,7 +86,8 @@ def _lost_releases(repository: GraspRepository) -> Iterator[LostRef]:
             continue
         remedy = f"put refs/tag.{name} back from a copy"
         if expected is not None and repository.has_snapshot(expected):
-            remedy = f"it was {expected}, which 'handsight dataset repair' gives it again"
+            repair = pasteable("handsight", "dataset", "repair", path, "--branch", "repaired")
+            remedy = f"it was {expected}, which it is given again by {repair}"
         fault = f"release {name!r} of {path} {wrong}: {remedy}"
         yield LostRef(kind="release", name=name, snapshot_id=expected, fault=fault)
 

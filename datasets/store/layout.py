@@ -8,7 +8,7 @@ import icechunk
 import zarr
 
 from handsight.datasets.address import DEFAULT_REF, Location, S3Prefix, refuse_unreachable
-from handsight.datasets.errors import DatasetExistsError, NotADatasetError, SchemaError
+from handsight.datasets.errors import DatasetExistsError, NotADatasetError, SchemaError, pasteable
 from handsight.datasets.format.provenance import utc_now
 from handsight.datasets.format.schema import SCHEMA_VERSION, SESSIONS
 from handsight.datasets.store.icechunk_engine import icechunk_config, open_store, storage_at, sync_file_system
@@ -72,7 +72,7 @@ def check_current(path: Location, ref: str, root: zarr.Group) -> None:
     check_schema(path, version)
     if version != SCHEMA_VERSION:
         raise SchemaError(
-            f"{path}@{ref} has schema version {version}, and this handsight works with {SCHEMA_VERSION}: run "
-            f"'handsight dataset migrate {path}@{ref} --branch schema-{SCHEMA_VERSION}', then use "
-            f"{path}@schema-{SCHEMA_VERSION}; the old version stays as it is"
+            f"{path}@{ref} has schema version {version}, and this handsight works with {SCHEMA_VERSION}; "
+            f"{path}@schema-{SCHEMA_VERSION} will be the version to use, and the old one stay as it is, after "
+            f"{pasteable('handsight', 'dataset', 'migrate', f'{path}@{ref}', '--branch', f'schema-{SCHEMA_VERSION}')}"
         )

@@ -50,6 +50,7 @@ from handsight.datasets.store.releases import (
     confirmed_releases,
     read_ledger,
 )
+from handsight.datasets.store.snapshot_ids import is_beginning, snapshots_beginning
 
 SIDE_FOLDER = ".handsight"
 """Folder inside a local dataset for what is not part of any version: the lock and caches."""
@@ -198,10 +199,10 @@ class GraspRepository:
         return read_ledger(self.ledger(), self._released(names)) if names else {}
 
     def resolve(self, ref: str) -> str:
-        """The snapshot id that a release or a branch names, looked up in this order, or that is one itself.
+        """The snapshot id that a release, a branch, a snapshot id or its beginning names, looked up in this order.
 
         Raises:
-            RefNotFoundError: None of them has that name; the message lists those that exist.
+            RefNotFoundError: None of them has that name, and the message lists those that are; or several ids begin so.
         """
         return self._version(ref).snapshot_id
 
@@ -384,9 +385,26 @@ class GraspRepository:
         session = version_named(self._icechunk, self.path, ref)
         if session is not None:
             return session
+        beginning = self._snapshots_beginning(ref)
+        if len(beginning) > 1:
+            raise RefNotFoundError(
+                f"{ref!r} in {self.path} can be any of {len(beginning)} snapshots, such as "
+                f"{', '.join(beginning[:2])}; write out more of the id"
+            )
+        if beginning:
+            with icechunk_errors(f"cannot read snapshot {beginning[0]} of {self.path}"):
+                return self._icechunk.readonly_session(snapshot_id=beginning[0])
         releases, branches = version_names(self.path)
         known = f"releases: {', '.join(releases) or 'none'}; branches: {', '.join(branches)}"
         raise RefNotFoundError(f"{self.path} has no release, branch or snapshot {ref!r} ({known})")
+
+    def _snapshots_beginning(self, text: str) -> list[str]:
+        if not is_beginning(text):
+            return []  # Histories take a while to read.
+        releases, branches = version_names(self.path)
+        tips = (*self._released(releases).values(), *self._tips(branches).values())
+        with icechunk_errors(f"cannot read the history of {self.path}"):
+            return snapshots_beginning(self._icechunk, text, tips)
 
     def _root_of_branch(self, branch: str) -> zarr.Group:
         self.check_process()

@@ -30,7 +30,7 @@ import icechunk
 from ulid import ULID
 
 from handsight.datasets.address import DEFAULT_REF, S3Prefix
-from handsight.datasets.errors import RefNotFoundError, StorageError
+from handsight.datasets.errors import RefNotFoundError, StorageError, pasteable
 from handsight.datasets.held import HeldFile, is_held, remove_abandoned
 from handsight.datasets.store.icechunk_engine import icechunk_errors, is_missing_ref
 from handsight.datasets.store.leftovers import WRITERS_FOLDER
@@ -80,7 +80,9 @@ class Registration:
             try:
                 _delete_branch(self._repository, branch)
             except StorageError as error:
-                _log.warning("%s; 'handsight dataset gc --ignore-writer %s' frees what it keeps", error, self.id)
+                path = self._repository.path
+                freeing = pasteable("handsight", "dataset", "gc", path, "--ignore-writer", self.id)
+                _log.warning("%s; what it keeps is freed by %s", error, freeing)
         self._held.release()
 
 

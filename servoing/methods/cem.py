@@ -25,8 +25,8 @@ class Cem:
     def __post_init__(self) -> None:
         if not 1 <= self.elite <= self.samples or self.iterations < 1 or self.max_steps < 0:
             raise ServoSettingsError(
-                f"CEM has {self.elite} elites of {self.samples} samples, {self.iterations} iterations and "
-                f"{self.max_steps} steps, expected 1 <= elite <= samples, iterations >= 1, steps >= 0"
+                f"CEM has elite {self.elite} of samples {self.samples}, iterations {self.iterations} and max_steps "
+                f"{self.max_steps}, expected 1 <= elite <= samples, iterations >= 1, steps >= 0"
             )
 
     def begin(self) -> CemOptimiser:

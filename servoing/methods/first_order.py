@@ -30,8 +30,8 @@ class FirstOrder:
         sound = math.isfinite(self.learning_rate) and self.learning_rate > 0 and 0 <= self.decay < 1
         if self.samples < 4 or not sound or self.max_steps < 0:
             raise ServoSettingsError(
-                f"first-order ascent has {self.samples} samples, learning rate {self.learning_rate}, decay "
-                f"{self.decay} and {self.max_steps} steps, expected >= 4, > 0, in [0, 1) and >= 0"
+                f"first-order ascent has samples {self.samples}, learning rate {self.learning_rate}, decay "
+                f"{self.decay} and max_steps {self.max_steps}, expected >= 4, > 0, in [0, 1) and >= 0"
             )
 
     def begin(self) -> FirstOrderOptimiser:

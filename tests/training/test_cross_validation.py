@@ -94,7 +94,7 @@ def test_unsound_folds_are_refused_with_every_fault_before_anything_is_trained()
     for bad in (THIRDS[:-1], THIRDS.astype(np.float64)):
         with pytest.raises(TrainingDataError, match="whole number for each of 60 attempts"):
             out_of_fold_scores(DATA, bad, QUICK, on_epoch=passes.append)  # type: ignore[arg-type]  # On purpose.
-    with pytest.raises(TrainingDataError, match="there are 1 folds, expected at least 2"):
+    with pytest.raises(TrainingDataError, match="1 fold given, expected at least 2"):
         out_of_fold_scores(DATA, np.zeros(60, np.int64), QUICK, on_epoch=passes.append)
     by_label = np.where(labels == 1, 0, 1 + np.arange(60) % 2)
     with pytest.raises(TrainingDataError) as caught:
@@ -104,6 +104,6 @@ def test_unsound_folds_are_refused_with_every_fault_before_anything_is_trained()
         assert part in str(caught.value)
     with pytest.raises(TrainingDataError, match="and 55 more"):
         check_folds(labels, np.arange(60))
-    with pytest.raises(TrainingDataError, match="there are 0 folds"):
+    with pytest.raises(TrainingDataError, match="0 folds given"):
         check_folds(labels[:0], THIRDS[:0])
     assert passes == []

@@ -26,6 +26,7 @@ from handsight.viz.figures.rate_panels import (
     draw_progress,
     dress,
     number,
+    numbered,
     object_rows,
     percent,
     say,
@@ -71,7 +72,7 @@ def stats_figure(found: LabelStats, path: Path, *, title: str) -> Path:
     if not found.labelled:
         raise FigureError(
             f"{title} has no labelled attempt that is not excluded, expected some to draw: "
-            "see 'handsight dataset info' for what it holds"
+            "collect more, or restore some"
         )
     # Names of objects and datasets may hold dollars, which would begin a formula.
     with mpl.rc_context({**STYLE, "font.size": 9, "text.parse_math": False}):
@@ -90,7 +91,7 @@ def _size_in(found: LabelStats) -> tuple[float, float]:
 def _headline(found: LabelStats, title: str) -> str:
     low, high = wilson_95(found.successes, found.labelled)
     return (
-        f"{shortened(title)}: {number(found.successes)} of {number(found.labelled)} labelled attempts succeed, "
+        f"{shortened(title)}: {number(found.successes)} of {numbered(found.labelled, 'labelled attempt')} succeed, "
         f"{percent(found.successes / found.labelled)}\n"
         f"95 % Wilson interval {percent(low)} to {percent(high)}; "
         f"left out: {number(found.unlabelled)} without a label, {number(found.excluded)} excluded"

@@ -10,6 +10,7 @@ from matplotlib.ticker import MaxNLocator
 from matplotlib.transforms import blended_transform_factory
 from numpy.typing import ArrayLike, NDArray
 
+from handsight.datasets.errors import counted
 from handsight.datasets.reading.stats import Histogram, Share, Window
 from handsight.evaluation.results import wilson_95
 from handsight.viz.figures.style import BAR_COLOURS, INK
@@ -44,6 +45,11 @@ def percent(rate: float, digits: int = 1) -> str:
 def number(count: int) -> str:
     """A count with its thousands apart."""
     return f"{count:,}"
+
+
+def numbered(count: int, noun: str) -> str:
+    """As ``counted``, with thousands apart."""
+    return counted(count, noun).replace(str(count), number(count), 1)
 
 
 def dress(axes: Axes, title: str, note: str = "", *, grid: Literal["x", "y"] | None = None) -> None:
@@ -200,7 +206,7 @@ def _points_note(attempts: Sequence[int]) -> str:
     if not counts:
         return ""
     span = number(counts[0]) if counts[0] == counts[-1] else f"{number(counts[0])} to {number(counts[-1])}"
-    return f"{span} attempts a point"
+    return f"{span} attempt{'s' * (span != '1')} a point"
 
 
 def _draw_overall(axes: Axes, overall: float, *, upright: bool = False) -> None:

@@ -14,6 +14,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
+from handsight.datasets.errors import counted
 from handsight.evaluation.results import ResultRow
 from handsight.servoing.methods.registry import METHODS
 from handsight.viz.errors import FigureError
@@ -67,7 +68,8 @@ def _check(rows: Sequence[ResultRow]) -> None:
         name = f"row {number} ({row['method']} on {row['objects']})"
         if row["trials"] < 1 or not 0 <= row["successes"] <= row["trials"]:
             faults.append(
-                f"{name} has {row['successes']} successes in {row['trials']} trials, expected 0 <= s <= n, n > 0"
+                f"{name} has {counted(row['successes'], 'success', 'successes')} in {counted(row['trials'], 'trial')}, "
+                "expected 0 <= s <= n, n > 0"
             )
         if not (-ROUNDING <= low <= row["rate"] + ROUNDING and row["rate"] - ROUNDING <= high <= 1 + ROUNDING):
             faults.append(

@@ -25,6 +25,7 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
+from handsight.datasets.errors import counted
 from handsight.evaluation.trial import TrialRecording
 from handsight.servoing.heatmap import Heatmap
 from handsight.servoing.loop import ServoStep, ServoTrace
@@ -101,11 +102,12 @@ def _check(
             f"the scene holds object {scene.catalogue_index.max()} of the catalogue, which has {len(names)}; "
             "expected scene and station of one session"
         )
+    steps = counted(len(trace.steps), "servo step")
     if not trace.steps:
         faults.append("the servo trace has no steps, expected at least the one that ended it")
     if heatmaps is not None:
         if len(heatmaps) != len(trace.steps):
-            faults.append(f"got {len(heatmaps)} heatmaps for {len(trace.steps)} servo steps, expected one per step")
+            faults.append(f"got {counted(len(heatmaps), 'heatmap')} for {steps}, expected one per step")
         for number, heatmap in enumerate(heatmaps):
             try:
                 place_heatmap(heatmap)
@@ -114,7 +116,7 @@ def _check(
     if outside is not None:
         shapes = {picture.shape for picture in outside}
         if len(outside) != len(trace.steps):
-            faults.append(f"got {len(outside)} outside pictures for {len(trace.steps)} servo steps, expected one each")
+            faults.append(f"got {counted(len(outside), 'outside picture')} for {steps}, expected one each")
         if len(shapes) > 1 or any(len(shape) != 3 or shape[2] != 3 for shape in shapes):
             faults.append(f"outside pictures have the shapes {sorted(shapes)}, expected one shape (H, W, 3)")
     if faults:

@@ -103,8 +103,8 @@ def load_object_set(name: str) -> tuple[ObjectModel, ...]:
     if folder is None:
         known = ", ".join(info.name for info in list_object_sets())
         raise ObjectSetError(
-            f"unknown object set {name!r}, expected one of: {known}; or the folder of a set, made with "
-            "`handsight objects import`"
+            f"unknown object set {name!r}, expected one of: {known}; or the folder of a set; to make one, "
+            "see 'handsight objects import --help'"
         )
     return load_models(folder)
 

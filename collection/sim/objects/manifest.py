@@ -82,7 +82,7 @@ def read_manifest(folder: Path) -> Manifest:
     except FileNotFoundError as error:
         raise ObjectSetError(
             f"{folder} holds no {MANIFEST_FILE}, expected the folder of an object set; "
-            "make one of a folder of meshes with `handsight objects import`"
+            "to make one of a folder of meshes, see 'handsight objects import --help'"
         ) from error
     except (OSError, ValueError, RecursionError) as error:
         raise ObjectSetError(

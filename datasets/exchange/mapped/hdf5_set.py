@@ -12,7 +12,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from handsight.datasets.errors import DatasetError, InterchangeError, headline
+from handsight.datasets.errors import DatasetError, InterchangeError, counted, headline
 from handsight.datasets.exchange.mapped.episodes import MOST_FRAMES
 from handsight.datasets.format.quantities import PICTURE_SIDE
 from handsight.datasets.machine import of_the_machine
@@ -91,7 +91,7 @@ class Hdf5Set:
         ):
             raise InterchangeError(f"{column} holds no pictures of at most {PICTURE_SIDE.possible[1]:g} pixels a side")
         if frame >= len(node):
-            raise InterchangeError(f"{column} has {len(node)} frames, and frame {frame} is asked for")
+            raise InterchangeError(f"{column} has {counted(len(node), 'frame')}, and frame {frame} is asked for")
         with _reading(node.name):
             return np.asarray(node[frame])
 

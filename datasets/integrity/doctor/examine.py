@@ -66,7 +66,7 @@ def doctor(
         if resimulate is not None:
             findings += resimulation_findings(dataset, resimulate, resimulated, np.random.default_rng(seed))
     except CorruptDataError as error:
-        findings.append(damage_finding(error))
+        findings.append(damage_finding(dataset, error))
     return Diagnosis(findings=tuple(sorted(findings, key=lambda finding: finding.code)))
 
 

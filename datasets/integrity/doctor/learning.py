@@ -27,7 +27,7 @@ def balance_findings(dataset: GraspDataset) -> Iterator[Finding]:
     share = float(labels.mean()) if len(labels) else 0.5
     if len(labels) >= _FEWEST and not _RAREST <= share <= 1 - _RAREST:
         expected = f"expected {_RAREST:.0%} to {1 - _RAREST:.0%}"
-        message = f"{share:.1%} of {len(labels)} labelled attempts succeed, {expected}"
+        message = f"{share:.1%} of {counted(len(labels), 'labelled attempt')} succeed, {expected}"
         yield dataset_finding("GD-401", "warning", message)
 
 

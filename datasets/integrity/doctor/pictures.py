@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from handsight.datasets.errors import CorruptDataError
+from handsight.datasets.errors import CorruptDataError, pasteable
 from handsight.datasets.format.quantities import DEPTH
 from handsight.datasets.format.schema import VIEWPOINTS
 from handsight.datasets.integrity.doctor.findings import Finding, Severity, attempt_finding, dataset_finding
@@ -112,9 +112,10 @@ def intrinsics_findings(dataset: GraspDataset) -> Iterator[Finding]:
             )
 
 
-def damage_finding(error: CorruptDataError) -> Finding:
+def damage_finding(dataset: GraspDataset, error: CorruptDataError) -> Finding:
     """That pictures could not be looked at."""
-    return dataset_finding("GD-106", "error", f"{error}; 'handsight dataset verify' names everything that is damaged")
+    verify = pasteable("handsight", "dataset", "verify", f"{dataset.repository.path}@{dataset.ref}")
+    return dataset_finding("GD-106", "error", f"{error}; everything that is damaged is named by {verify}")
 
 
 def _facts(dataset: GraspDataset, attempt: str, frame: RgbdFrame) -> dict[str, object]:

@@ -77,10 +77,13 @@ def test_columns_keep_their_kind(grasps: Path, capsys: pytest.CaptureFixture[str
     assert first.split()[1] == "29"
 
 
-def test_sorting_shows_what_is_sorted_by(grasps: Path, table: pd.DataFrame, capsys: pytest.CaptureFixture[str]) -> None:
+def test_sorting_shows_what_is_sorted_by(
+    grasps: Path, table: pd.DataFrame, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     words = ("dataset", "ls", grasps, "--sort", "contact_force_n", "--reverse", "-n", 2)
     expected = table.sort_values("contact_force_n", ascending=False).index[:2].tolist()
     assert [row["attempt"] for row in json_of(capsys, *words)] == expected
+    monkeypatch.setenv("COLUMNS", "160")
     header, first, _, counts = out_of(capsys, *words).splitlines()
     assert header.split()[-1] == "contact_force_n"
     assert first.split()[0] == expected[0]
@@ -102,8 +105,9 @@ def test_sorting_shows_what_is_sorted_by(grasps: Path, table: pd.DataFrame, caps
     ],
 )
 def test_it_says_how_many_match_and_are_shown(
-    grasps: Path, words: list[str], said: str, capsys: pytest.CaptureFixture[str]
+    grasps: Path, words: list[str], said: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setenv("COLUMNS", "120")
     assert out_of(capsys, "dataset", "ls", grasps, *words).splitlines()[-1] == said
 
 

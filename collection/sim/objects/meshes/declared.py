@@ -7,6 +7,7 @@ import struct
 
 from handsight.collection.sim.objects.meshes.fault import MAX_TRIANGLES, MeshFault
 from handsight.collection.sim.objects.meshes.obj import MAX_ROWS
+from handsight.datasets.errors import counted
 
 MAX_TEXT_BYTES = 64_000_000
 """Twice what the largest mesh takes that is written as text; text takes several times its size to read."""
@@ -72,6 +73,6 @@ def check_ply(content: bytes) -> None:
 def _check_lines(body: bytes, rows: int) -> None:
     lines = body.count(b"\n") or body.count(b"\r")
     if lines < rows:
-        raise MeshFault(f"is cut off: its header declares {rows} lines, and {lines} follow")
+        raise MeshFault(f"is cut off: its header declares {counted(rows, 'line')}, and {lines} follow")
     if lines > rows + _SPARE_LINES:
-        raise MeshFault(f"holds {lines} lines where its header declares {rows}")
+        raise MeshFault(f"holds {counted(lines, 'line')} where its header declares {rows}")

@@ -23,6 +23,7 @@ from handsight.collection.sim.objects.meshes.finding import (
     other_files,
 )
 from handsight.collection.sim.objects.meshes.mesh_file import check_mesh
+from handsight.datasets.errors import counted
 
 Progress = Callable[[int, int], None]
 """Called with the number of meshes done and in total."""
@@ -173,7 +174,10 @@ def refusal(folder: Path, total: int, skipped: Sequence[SkippedMesh]) -> str:
     """The message that names all bad meshes, one a line."""
     lines = [item.line(folder) for item in skipped]
     advice = "nothing was written" if len(skipped) == total else "nothing was written; --skip-bad leaves them out"
-    return f"{len(skipped)} of {total} meshes in {shown(folder)} cannot be used, {advice}:\n  " + "\n  ".join(lines)
+    return (
+        f"{len(skipped)} of {counted(total, 'mesh', 'meshes')} in {shown(folder)} cannot be used, {advice}:\n  "
+        + "\n  ".join(lines)
+    )
 
 
 def _check_request(folder: Path, name: str, settings: ImportSettings) -> list[Path]:
