@@ -6,8 +6,8 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
-from handsight.datasets.address import S3Prefix
-from handsight.datasets.store.repository import SIDE_FOLDER, GraspRepository
+from handsight.datasets.address import SIDE_FOLDER, S3Prefix
+from handsight.datasets.store.repository import GraspRepository
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

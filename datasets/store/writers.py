@@ -32,6 +32,7 @@ from handsight.datasets.store.icechunk_engine import icechunk_errors
 from handsight.datasets.store.leftovers import WRITERS_FOLDER
 from handsight.datasets.store.releases import WRITER_PREFIX
 from handsight.datasets.store.repository import GraspRepository
+from handsight.datasets.writable import refuse_unwritable
 
 _COARSEST_FILE_TIME = timedelta(seconds=2)
 _FARTHEST_CLOCK = timedelta(minutes=15)
@@ -91,6 +92,7 @@ def register(repository: GraspRepository, what: str, *, session: str | None = No
     """
     writer_id = str(ULID())
     in_bucket = isinstance(repository.path, S3Prefix)
+    refuse_unwritable(repository.path)
     folder = repository.side_folder / WRITERS_FOLDER
     pid, host = os.getpid(), socket.gethostname()
     said = {"what": what, "session": session, "host": host, "pid": pid, "begun": _moment_of(writer_id).isoformat()}
