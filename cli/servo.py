@@ -8,18 +8,20 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from handsight.cli.errors import CommandError
+from handsight.cli.opening import check_out_file
 from handsight.cli.options import (
     DEFAULT_METHOD,
     DEFAULT_THRESHOLD,
     EVALUATION_SEED,
     MOST_TRIALS,
     NOVEL_OBJECTS,
+    Json,
     Model,
     Objects,
     Threshold,
     TrialSeed,
 )
-from handsight.cli.output import console, progress_bar
+from handsight.cli.output import console, print_json, progress_bar
 from handsight.datasets.errors import counted
 from handsight.training.run_folder import check_finished_run
 
@@ -45,9 +47,11 @@ def servo_command(
     scene_camera: Annotated[
         bool, typer.Option("--scene-camera", help="Also record the whole station from outside at every step.")
     ] = False,
+    as_json: Json = False,
 ) -> None:
     """Servo once from a random pose, grasp, and record every step."""
     check_finished_run(model)
+    check_out_file(out)
     from handsight.cli.wiring.scene_pictures import servo_pictures
     from handsight.cli.wiring.stations import sim_station
     from handsight.evaluation.evaluate import TrialContextFactory, record_trial
@@ -62,6 +66,19 @@ def servo_command(
         raise CommandError(f"trial {trial} of seed {seed} failed before servoing began: choose another trial")
     outside = servo_pictures(simulated.config, recording) if scene_camera else None
     write_trace(out, recording, model, outside)
+    if as_json:
+        print_json(
+            {
+                "recording": out,
+                "method": method,
+                "trial": trial,
+                "seed": seed,
+                "moves": recording.trace.moves,
+                "predicted_success": recording.trace.grasp_score,
+                "success": recording.trial.success,
+            }
+        )
+        return
     result = "held" if recording.trial.success else "missed"
     console.print(
         f"[bold]{out}[/]: {method}, {counted(recording.trace.moves, 'move')}, predicted success "
