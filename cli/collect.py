@@ -13,6 +13,7 @@ from handsight.cli.completion import words
 from handsight.cli.errors import CommandError
 from handsight.cli.interrupts import INTERRUPTED
 from handsight.cli.lazy import LazyCommand, LazyGroup, lazy_app
+from handsight.cli.opening import check_out_file, check_target
 from handsight.cli.options import (
     DEFAULT_METHOD,
     DEFAULT_THRESHOLD,
@@ -126,6 +127,7 @@ def collect_sim(
     The same seed gives the same attempts, whatever the engine, the number of workers and the interruptions.
     """
     _check_engine(engine, ray_address)
+    check_target(dataset)
     chosen = policy_named(policy, model=model, method=method, random_share=random_share, threshold=threshold)
     from handsight.collection.collector import CollectSettings
 
@@ -158,16 +160,17 @@ def collect_picture(
     out: Annotated[Path, typer.Option("--out", help="Picture to write, a PNG file.")] = Path("station.png"),
     objects: Objects = TRAINING_OBJECTS,
     seed: Seed = 0,
+    as_json: Json = False,
 ) -> None:
     """Draw the whole simulated station from outside: arm, table and a scene of objects."""
-    if out.suffix.lower() != ".png":
-        raise CommandError(f"--out is {out}, expected a file name that ends in .png")
-    if not out.parent.is_dir():
-        raise CommandError(f"--out is {out}, and there is no folder {out.parent}: create it first")
+    check_out_file(out, ".png")
     from handsight.cli.wiring.scene_pictures import write_station_picture  # PyBullet, once the options are sound
 
     write_station_picture(out, objects, seed)
-    console.print(bold(out), f": a scene of {objects} on the simulated station")
+    if as_json:
+        print_json({"picture": out, "objects": objects, "seed": seed})
+    else:
+        console.print(bold(out), f": a scene of {objects} on the simulated station")
 
 
 def _check_engine(name: str, ray_address: str | None) -> None:

@@ -13,19 +13,20 @@ from typing import Annotated, Any
 import typer
 
 from handsight.cli.collect import collect_with_progress
-from handsight.cli.errors import CommandError
 from handsight.cli.evaluate import evaluate_model, print_results
 from handsight.cli.heatmap import heatmap_examples, latest_attempts
+from handsight.cli.opening import check_out_folder
 from handsight.cli.options import (
     DEFAULT_METHOD,
     MOST_ATTEMPTS,
     MOST_TRIALS,
     NOVEL_OBJECTS,
     TRAINING_OBJECTS,
+    Json,
     Seed,
     Workers,
 )
-from handsight.cli.output import bold, console
+from handsight.cli.output import Output, bold, console, errors, print_json
 from handsight.cli.servo import write_trace
 from handsight.cli.train import describe, train_to_folder
 from handsight.cli.wiring.stations import sim_station
@@ -82,6 +83,17 @@ class DemoPaths:
         """Recording of a servo run."""
         return self.out / "servo_trace.rrd"
 
+    def files(self) -> dict[str, Path]:
+        """What there is beside the dataset, by what it is; a trial that failed early leaves no recording."""
+        made = {
+            "run": self.run,
+            "results": self.results,
+            "figure": self.figure,
+            "heatmaps": self.heatmaps,
+            "trace": self.trace,
+        }
+        return {what: path for what, path in made.items() if path.exists()}
+
 
 def demo(
     out: Annotated[Path, typer.Option("--out", help="Folder for everything the demo makes.")] = Path("demo"),
@@ -91,6 +103,7 @@ def demo(
     trials: Annotated[int, typer.Option(max=MOST_TRIALS, help="Evaluation trials of each method.")] = 50,
     seed: Seed = 0,
     workers: Workers = 2,
+    as_json: Json = False,
 ) -> None:
     """Collect grasps, train a network, servo on objects it never saw, and show the results.
 
@@ -99,43 +112,46 @@ def demo(
     collecting = CollectSettings(attempts=attempts, seed=seed, workers=workers)
     evaluating = EvaluationSettings(methods=tuple(METHODS), trials=trials, workers=workers)
     paths = DemoPaths(out)
-    if out.exists() and not out.is_dir():
-        raise CommandError(f"{out} is a file, expected a folder for the demo: choose another --out")
-    release = _collect(paths, collecting)
-    _train(paths, release, TrainSettings(seed=seed))
-    rows = _evaluate(paths, evaluating)
-    _record(paths, release, rows, evaluating)
-    _show(paths, release, rows)
+    check_out_folder(out)
+    tell = errors if as_json else console
+    release = _collect(paths, collecting, tell)
+    _train(paths, release, TrainSettings(seed=seed), tell)
+    results = _evaluate(paths, evaluating, tell)
+    _record(paths, release, results, evaluating, tell)
+    if as_json:
+        print_json({**results, "dataset": f"{paths.dataset}@{release}", "files": paths.files()})
+    else:
+        _show(paths, release, results["rows"])
 
 
-def _collect(paths: DemoPaths, settings: CollectSettings) -> str:
+def _collect(paths: DemoPaths, settings: CollectSettings, tell: Output) -> str:
     """Collect what is missing and release it; returns the release's name."""
-    _headline(f"1  Collect {counted(settings.attempts, 'grasp attempt')} in simulation")
+    _headline(f"1  Collect {counted(settings.attempts, 'grasp attempt')} in simulation", tell)
     collect_with_progress(paths.dataset, sim_station(TRAINING_OBJECTS), settings, resume=True)
     repository = GraspRepository.open(paths.dataset)
     name = f"demo-seed{settings.seed}-{settings.attempts}"
     if name not in repository.releases():
         repository.release(name, message="collected by 'handsight demo'")
     facts = GraspDataset.open(f"{paths.dataset}@{name}").info()
-    console.print(
+    tell.print(
         f"   {paths.dataset}@{name}: {counted(facts.attempts, 'attempt')}, {facts.successes / facts.attempts:.1%} of "
         f"the random grasps succeed, {facts.bytes / 1e6:.0f} MB, digest {facts.digest[:12]}"
     )
     return name
 
 
-def _train(paths: DemoPaths, release: str, settings: TrainSettings) -> None:
-    _headline("2  Train the Grasp Quality Network")
+def _train(paths: DemoPaths, release: str, settings: TrainSettings, tell: Output) -> None:
+    _headline("2  Train the Grasp Quality Network", tell)
     address = f"{paths.dataset}@{release}"
     dataset = GraspDataset.open(address)
     if not (paths.run / RUN_RECORD).exists() or load_run(paths.run).origin.digest != dataset.digest:
         train_to_folder(dataset, address, paths.run, settings, viewpoint=DEFAULT_VIEWPOINT, overwrite=True)
     held_out = Metrics(**load_run(paths.run).record["history"][-1]["held_out"])
-    console.print(f"   {paths.run}: {describe(held_out)}")
+    tell.print(f"   {paths.run}: {describe(held_out)}")
 
 
-def _evaluate(paths: DemoPaths, settings: EvaluationSettings) -> list[ResultRow]:
-    _headline(f"3  Servo on objects it never saw, {counted(settings.trials, 'trial')} of each method")
+def _evaluate(paths: DemoPaths, settings: EvaluationSettings, tell: Output) -> dict[str, Any]:
+    _headline(f"3  Servo on objects it never saw, {counted(settings.trials, 'trial')} of each method", tell)
     weights = load_run(paths.run).weights_sha256
     results = _read_results(paths.results)
     key = {"weights_sha256": weights, "trials_each": settings.trials, "seed": settings.seed}
@@ -143,8 +159,7 @@ def _evaluate(paths: DemoPaths, settings: EvaluationSettings) -> list[ResultRow]
         results = {**evaluate_model(paths.run, NOVEL_OBJECTS, settings), **key}
         with atomic_file(paths.results) as unfinished:
             unfinished.write_text(json.dumps(results, indent=2) + "\n", encoding="utf-8")
-    rows: list[ResultRow] = results["rows"]
-    return rows
+    return results
 
 
 def _read_results(path: Path) -> dict[str, Any]:
@@ -155,17 +170,18 @@ def _read_results(path: Path) -> dict[str, Any]:
     return results if isinstance(results, dict) else {}
 
 
-def _record(paths: DemoPaths, release: str, rows: list[ResultRow], settings: EvaluationSettings) -> None:
-    _headline("4  Write the recordings and the figure")
+def _record(
+    paths: DemoPaths, release: str, results: dict[str, Any], settings: EvaluationSettings, tell: Output
+) -> None:
+    _headline("4  Write the recordings and the figure", tell)
     dataset = GraspDataset.open(f"{paths.dataset}@{release}")
     write_heatmaps(paths.heatmaps, heatmap_examples(dataset, latest_attempts(dataset, 8), paths.run))
     factory = TrialContextFactory(open_station=sim_station(NOVEL_OBJECTS), run=paths.run)
-    results = _read_results(paths.results)
     number = _most_telling_trial(results["trials"])
     recording = record_trial(factory, DEFAULT_METHOD, number, seed=settings.seed, servo=settings.servo)
     if recording is not None:
         write_trace(paths.trace, recording, paths.run)
-    results_figure(rows, paths.figure)
+    results_figure(results["rows"], paths.figure)
 
 
 def _most_telling_trial(trials: list[dict[str, Any]]) -> int:
@@ -205,5 +221,5 @@ def _command_name(program: str) -> str:
     return str(beside.relative_to(Path.cwd())) if beside.is_relative_to(Path.cwd()) else str(beside)
 
 
-def _headline(text: str) -> None:
-    console.print((text, "bold cyan"))
+def _headline(text: str, tell: Output) -> None:
+    tell.print((text, "bold cyan"))

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from handsight.cli.opening import checked_address, open_version
-from handsight.cli.options import MOST_ATTEMPTS, Dataset, Ids, Model
-from handsight.cli.output import bold, console, progress_bar
+from handsight.cli.opening import check_out_file, checked_address, open_version
+from handsight.cli.options import MOST_ATTEMPTS, Dataset, Ids, Json, Model
+from handsight.cli.output import bold, console, print_json, progress_bar
 from handsight.datasets.errors import counted, pasteable
 from handsight.training.run_folder import check_finished_run
 
@@ -38,10 +38,12 @@ def heatmap_command(
         Path | None,
         typer.Option("--picture", metavar="FILE.png", help=f"Draw the first {COLUMNS} side by side, for a document."),
     ] = None,
+    as_json: Json = False,
 ) -> None:
     """Write a recording of grasp heatmaps over the overhead pictures of a dataset."""
     checked_address(dataset)
     check_finished_run(model)
+    check_out_file(out)
     from handsight.datasets.reading.attempt_ids import resolve_attempt_ids
     from handsight.viz.figures.montage import montage_figure
     from handsight.viz.figures.style import check_figure_path
@@ -53,9 +55,13 @@ def heatmap_command(
     chosen = resolve_attempt_ids(opened, attempts) if attempts else latest_attempts(opened, count)
     examples = heatmap_examples(opened, chosen, model, spacing_px=spacing_px)
     write_heatmaps(out, examples)
-    console.print(bold(out), f": heatmaps of {counted(len(chosen), 'attempt')}; open it with {pasteable('rerun', out)}")
     if picture is not None:
         montage_figure(picture, examples[:COLUMNS])
+    if as_json:
+        print_json({"recording": out, "picture": picture, "attempts": chosen})
+        return
+    console.print(bold(out), f": heatmaps of {counted(len(chosen), 'attempt')}; open it with {pasteable('rerun', out)}")
+    if picture is not None:
         console.print(bold(picture), f": the first {len(examples[:COLUMNS])} of them")
 
 

@@ -1,14 +1,17 @@
-"""Datasets and runs as commands open them.
+"""Datasets and runs as commands open them, and the places that they write to.
 
-Icechunk, Zarr and pandas take a second to import, PyTorch longer. What is not there is refused before, and every
-command opens through here, so that no command has to think of it.
+Icechunk, Zarr and pandas take a second to import, PyTorch longer. What is not there, and a place that takes no files,
+is refused before; every command opens through here, so that no command has to think of it.
 """
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
-from handsight.datasets.address import DatasetAddress, check_dataset_folder
+from handsight.cli.errors import CommandError
+from handsight.datasets.address import DatasetAddress, check_dataset_folder, location_of
+from handsight.datasets.writable import file_fault, folder_fault, refuse_unwritable
 
 if TYPE_CHECKING:
     from handsight.datasets.reading.reader import GraspDataset
@@ -42,3 +45,39 @@ def open_repository(text: str) -> tuple[GraspRepository, str]:
     from handsight.datasets.store.repository import GraspRepository  # once the folder is there; see above
 
     return GraspRepository.open(address.path), address.ref
+
+
+def check_target(dataset: str | Path) -> None:
+    """Refuse a dataset that cannot be added to, or a place where none can be made, before there is anything to add.
+
+    Raises:
+        AddressError: The text is no location.
+        StorageError: The disk takes no files there.
+    """
+    refuse_unwritable(location_of(dataset))
+
+
+def check_out_file(path: Path, *suffixes: str) -> None:
+    """Refuse an ``--out`` where no file can be written.
+
+    Args:
+        path: What was given.
+        suffixes: How its name may end, in lower case; any end will do where there are none.
+
+    Raises:
+        CommandError: The name ends otherwise, or the disk takes no such file.
+    """
+    if suffixes and path.suffix.lower() not in suffixes:
+        raise CommandError(f"--out is {path}, expected a file name that ends in {' or '.join(suffixes)}")
+    if (fault := file_fault(path)) is not None:
+        raise CommandError(f"--out is {path}, and {fault}")
+
+
+def check_out_folder(path: Path) -> None:
+    """Refuse an ``--out`` where no folder can be made, or nothing can be written to the one that is there.
+
+    Raises:
+        CommandError: A file or a link that leads nowhere is in the way, or the disk takes no files there.
+    """
+    if (fault := folder_fault(path)) is not None:
+        raise CommandError(f"--out is {path}, and {fault}: choose another folder")

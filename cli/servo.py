@@ -9,6 +9,7 @@ import typer
 
 from handsight.cli.completion import words
 from handsight.cli.errors import CommandError
+from handsight.cli.opening import check_out_file
 from handsight.cli.options import (
     DEFAULT_METHOD,
     DEFAULT_THRESHOLD,
@@ -16,12 +17,13 @@ from handsight.cli.options import (
     METHOD_NAMES,
     MOST_TRIALS,
     NOVEL_OBJECTS,
+    Json,
     Model,
     Objects,
     Threshold,
     TrialSeed,
 )
-from handsight.cli.output import bold, console, progress_bar
+from handsight.cli.output import bold, console, print_json, progress_bar
 from handsight.datasets.errors import counted, pasteable
 from handsight.training.run_folder import check_finished_run
 
@@ -47,9 +49,11 @@ def servo_command(
     scene_camera: Annotated[
         bool, typer.Option("--scene-camera", help="Also record the whole station from outside at every step.")
     ] = False,
+    as_json: Json = False,
 ) -> None:
     """Servo once from a random pose, grasp, and record every step."""
     check_finished_run(model)
+    check_out_file(out)
     from handsight.cli.wiring.scene_pictures import servo_pictures
     from handsight.cli.wiring.stations import sim_station
     from handsight.evaluation.evaluate import TrialContextFactory, record_trial
@@ -64,6 +68,19 @@ def servo_command(
         raise CommandError(f"trial {trial} of seed {seed} failed before servoing began: choose another trial")
     outside = servo_pictures(simulated.config, recording) if scene_camera else None
     write_trace(out, recording, model, outside)
+    if as_json:
+        print_json(
+            {
+                "recording": out,
+                "method": method,
+                "trial": trial,
+                "seed": seed,
+                "moves": recording.trace.moves,
+                "predicted_success": recording.trace.grasp_score,
+                "success": recording.trial.success,
+            }
+        )
+        return
     result = "held" if recording.trial.success else "missed"
     console.print(
         bold(out),

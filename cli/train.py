@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from handsight.cli.opening import checked_address, open_version
-from handsight.cli.options import MOST_EPOCHS, Dataset, Json, Seed
+from handsight.cli.options import MOST_EPOCHS, Dataset, DryRun, Json, Seed
 from handsight.cli.output import bold, console, print_json, progress_bar
 from handsight.datasets.errors import counted
 from handsight.datasets.inputs.viewpoint import DEFAULT_VIEWPOINT
-from handsight.training.run_folder import check_run_folder
+from handsight.training.run_folder import RUN_RECORD, check_run_folder
 
 if TYPE_CHECKING:
     # PyTorch takes seconds; nothing is imported where there is no dataset, or no place for a run.
@@ -36,6 +36,7 @@ def train_command(
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Replace a run that is there, once the new one is trained.")
     ] = False,
+    dry_run: DryRun = False,
     as_json: Json = False,
 ) -> None:
     """Train a network on a version of a dataset (section V-A)."""
@@ -45,11 +46,27 @@ def train_command(
     from handsight.training.trainer import TrainSettings
 
     settings = TrainSettings(network=GqnConfig(channels=channels), epochs=epochs, batch=batch, seed=seed)
-    final = train_to_folder(open_version(dataset), dataset, out, settings, viewpoint=viewpoint, overwrite=overwrite)
+    opened = open_version(dataset)
+    if dry_run:
+        _print_plan(opened, out, viewpoint, as_json=as_json)
+        return
+    final = train_to_folder(opened, dataset, out, settings, viewpoint=viewpoint, overwrite=overwrite)
     if as_json:
         print_json({"run": out, "epoch": final})
     else:
         console.print(bold(out), f": {describe(final.held_out)}")
+
+
+def _print_plan(dataset: GraspDataset, out: Path, viewpoint: Literal["overhead", "pregrasp"], *, as_json: bool) -> None:
+    """What there is to learn from, and whether a run would make room for the new one."""
+    from handsight.datasets.inputs.materialize import usable_attempts
+
+    attempts, replaces = len(usable_attempts(dataset, viewpoint)), (out / RUN_RECORD).is_file()
+    if as_json:
+        print_json({"run": out, "epoch": None, "attempts": attempts, "replaces": replaces})
+        return
+    instead = ", in place of the run that is there" if replaces else ""
+    console.print(f"would train on {counted(attempts, 'attempt')} and write ", bold(out), instead)
 
 
 def describe(held_out: Metrics) -> str:

@@ -14,6 +14,8 @@ from handsight.datasets.errors import AddressError, DatasetNotFoundError, NotADa
 
 DEFAULT_REF = "main"
 """The branch that is read where the address names no ref."""
+SIDE_FOLDER = ".handsight"
+"""Folder inside a local dataset for what is not part of any version: the lock and caches."""
 
 _SCHEME = re.compile(r"([A-Za-z][A-Za-z0-9+.-]+):/")
 
@@ -166,7 +168,7 @@ def no_dataset_at(location: Location) -> DatasetNotFoundError | NotADatasetError
         )
     if location.is_symlink() and not location.exists():
         return DatasetNotFoundError(
-            f"{location} is a link to {location.readlink()}, where nothing is: mend the link, or remove it"
+            f"{location} is a link to {location.readlink()}, which is not there: mend the link, or remove it"
         )
     if not location.exists():
         return DatasetNotFoundError(

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
+from handsight.datasets.writable import folder_fault, link_fault
 from handsight.training.errors import CheckpointError
 
 RUN_RECORD = "run.json"
@@ -27,14 +27,12 @@ def check_run_folder(folder: Path, *, overwrite: bool = False) -> None:
     Raises:
         CheckpointError: A file is in the way, the folder holds a run or other things, or it cannot be written to.
     """
-    if folder.is_symlink() and not folder.exists():
-        raise CheckpointError(
-            f"{folder} is a link to {folder.readlink()}, which does not exist: create that folder, or choose another "
-            "--out"
-        )
+    if (fault := link_fault(folder)) is not None:
+        raise CheckpointError(f"{fault}: create that folder, or choose another --out")
     if folder.exists() and not folder.is_dir():
         raise CheckpointError(f"{folder} is a file, expected a new folder for the run: choose another --out")
-    _check_writable(folder)
+    if (fault := folder_fault(folder)) is not None:
+        raise CheckpointError(f"no run can be written to {folder}: {fault}; choose another --out")
     held = sorted(path.name for path in folder.iterdir()) if folder.is_dir() else []
     foreign = [name for name in held if name not in _OWN and not _is_unfinished(name)]
     if foreign:
@@ -58,6 +56,9 @@ def check_finished_run(folder: Path) -> None:
         CheckpointError: The folder is missing, or has no record.
     """
     if not (folder / RUN_RECORD).is_file():
+        fault = link_fault(folder)
+        if fault is not None:
+            raise CheckpointError(f"{fault}: mend the link, or name the run itself")
         what = "holds no finished run" if folder.is_dir() else "is no folder"
         raise CheckpointError(f"{folder} {what} ({RUN_RECORD} is missing): to train one, see 'handsight train --help'")
 
@@ -71,12 +72,3 @@ def remove_unfinished(folder: Path) -> None:
 
 def _is_unfinished(name: str) -> bool:
     return name.startswith((".run.unfinished-", ".model.next.unfinished-"))
-
-
-def _check_writable(folder: Path) -> None:
-    """The folder, or the nearest one above it that exists, in which it will be made."""
-    existing = next(path for path in (folder, *folder.absolute().parents) if path.exists())
-    if not existing.is_dir():
-        raise CheckpointError(f"{existing} is a file, and {folder} would lie in it: choose another --out")
-    if not os.access(existing, os.W_OK | os.X_OK):
-        raise CheckpointError(f"{existing} is not writable, and the run would be made there: choose another --out")

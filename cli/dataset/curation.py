@@ -98,12 +98,15 @@ def undo(
     *,
     reason: Reason = "undone",
     author: Author = "",
+    dry_run: DryRun = False,
     as_json: Json = False,
 ) -> None:
     """Revert a curation decision, the latest unless one is named; undoing the undo brings it back."""
-    decided = _curator(dataset, author).undo(number, reason)
+    decided = _curator(dataset, author).undo(number, reason, dry_run=dry_run)
     if as_json:
-        print_json(_decision_json(decided, counts=True))
+        print_json({**_decision_json(decided, counts=True), **({"decision": None} if dry_run else {})})
+    elif dry_run:
+        console.print(f"would have reverted decision {decided.value}")
     else:
         console.print(f"decision {decided.value} is reverted (undone by decision {decided.number})")
 
@@ -146,18 +149,28 @@ def filter_command(
     delete: Annotated[bool, typer.Option("--delete", help="Forget the filter.")] = False,
     replace: Annotated[bool, typer.Option("--replace", help="Give an existing filter another expression.")] = False,
     author: Author = "",
+    dry_run: DryRun = False,
     as_json: Json = False,
 ) -> None:
     """Save, list or forget named --where expressions."""
     repository, ref = open_repository(dataset)
     from handsight.datasets.curation.saved_filters import forget_filter, save_filter  # a second; see above
 
+    would = "would have " if dry_run else ""
     if name and delete:
-        forget_filter(repository, name, branch=ref)
-        console.print("forgot filter ", bold(name))
+        forget_filter(repository, name, branch=ref, dry_run=dry_run)
+        if as_json:
+            print_json({"filter": name, "deleted": not dry_run})
+        else:
+            console.print(f"{would}{'forgotten' if dry_run else 'forgot'} filter ", bold(name))
     elif name and where:
-        found = save_filter(repository, name, where, author=author_named(author), branch=ref, replace=replace)
-        console.print("saved filter ", bold(name), f": matches {counted(found, 'attempt')} now")
+        found = save_filter(
+            repository, name, where, author=author_named(author), branch=ref, replace=replace, dry_run=dry_run
+        )
+        if as_json:
+            print_json({"filter": name, "where": where, "attempts": found})
+        else:
+            console.print(f"{would}saved filter ", bold(name), f": matches {counted(found, 'attempt')} now")
     elif name:
         raise typer.BadParameter("give the filter an expression, or --delete it", param_hint="--where")
     else:

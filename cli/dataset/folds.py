@@ -10,8 +10,8 @@ import typer
 from handsight.cli.completion import complete_folds
 from handsight.cli.dataset.author import author_named
 from handsight.cli.opening import open_repository, open_version
-from handsight.cli.options import Author, Dataset, Json, Seed
-from handsight.cli.output import print_json
+from handsight.cli.options import Author, Dataset, DryRun, Json, Seed
+from handsight.cli.output import console, print_json
 from handsight.cli.tables import print_table
 
 if TYPE_CHECKING:
@@ -34,19 +34,32 @@ def folds(
     seed: Seed = 0,
     replace: Annotated[bool, typer.Option("--replace", help="Make them anew under the same name.")] = False,
     author: Author = "",
+    dry_run: DryRun = False,
     as_json: Json = False,
 ) -> None:
     """Make, check or list the folds that are stored in a version."""
     repository, ref = open_repository(dataset)
     from handsight.datasets.curation.folds import fold_names, make_folds, read_folds  # a second; see above
 
+    made = None
     if name and by:
-        make_folds(
-            repository, name, by=by, count=count, seed=seed, author=author_named(author), branch=ref, replace=replace
+        made = make_folds(
+            repository,
+            name,
+            by=by,
+            count=count,
+            seed=seed,
+            author=author_named(author),
+            branch=ref,
+            replace=replace,
+            dry_run=dry_run,
         )
     opened = open_version(dataset)
-    names = [name] if name else fold_names(opened.root)
-    rows = [row for one in names for row in _fold_rows(opened, read_folds(opened, one))]
+    if made is not None and dry_run:
+        rows = _fold_rows(opened, made)
+    else:
+        names = [name] if name else fold_names(opened.root)
+        rows = [row for one in names for row in _fold_rows(opened, read_folds(opened, one))]
     if as_json:
         print_json(rows)
         return
@@ -54,6 +67,8 @@ def folds(
         (row.folds, row.by, str(row.fold), str(row.attempts), f"{row.successes / row.attempts:.1%}") for row in rows
     ]
     print_table(("folds", "by", "fold", "attempts", "successful"), cells)
+    if made is not None and dry_run:
+        console.print("nothing was stored")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -158,6 +158,7 @@ def repair_command(
     ] = False,
     model: ServoModel = None,
     author: Author = "",
+    dry_run: DryRun = False,
     as_json: Json = False,
 ) -> None:
     """Replace damaged attempts on a new branch: simulated again, or else set aside."""
@@ -165,7 +166,7 @@ def repair_command(
     from handsight.datasets.integrity.repair import repair  # a second; see above
     from handsight.datasets.store.agreement import restore_releases
 
-    restored = restore_releases(opened.repository)
+    restored = () if dry_run else restore_releases(opened.repository)
     if restored and not as_json:
         console.print(f"gave {', '.join(restored)} back what was released under the name")
     report = _verified(opened, 0)
@@ -178,15 +179,16 @@ def repair_command(
         console.print(f"nothing is damaged in {counted(report.checked, 'attempt')}: no branch was made")
         return
     with _simulator(model, wanted=resimulate) as simulate:
-        done = repair(opened, report, branch=branch, author=author_named(author), resimulate=simulate)
+        done = repair(opened, report, branch=branch, author=author_named(author), resimulate=simulate, dry_run=dry_run)
     if as_json:
         print_json({**dataclasses.asdict(done), **refs})
         return
     simulated = counted(len(done.simulated), "attempt")
     console.print(
-        "branch ",
+        "would make branch " if dry_run else "branch ",
         bold(done.branch),
-        f" ({done.snapshot}): {simulated} brought back by simulation, {len(done.lost)} lost and excluded",
+        "" if dry_run else f" ({done.snapshot})",
+        f": {simulated} brought back by simulation, {len(done.lost)} lost and excluded",
     )
 
 

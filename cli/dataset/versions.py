@@ -11,6 +11,7 @@ from handsight.cli.opening import open_repository, open_version
 from handsight.cli.options import Dataset, DatasetBranch, DatasetPath, DryRun, Json, Message, NewBranch
 from handsight.cli.output import bold, console, print_json
 from handsight.cli.tables import Column, print_facts, print_table, short_snapshot
+from handsight.datasets.address import DEFAULT_REF
 from handsight.datasets.errors import CorruptDataError, RefNotFoundError, counted, pasteable
 
 if TYPE_CHECKING:
@@ -23,22 +24,36 @@ _LISTED = 5
 """Ids shown of each list; --json has them all."""
 
 
-def init(dataset: DatasetPath) -> None:
+def init(dataset: DatasetPath, as_json: Json = False) -> None:
     """Create an empty dataset; refuses a location where something is already."""
     from handsight.datasets.store.repository import GraspRepository  # a second; see above
 
-    GraspRepository.create(dataset)
-    console.print("created an empty dataset at ", bold(dataset))
+    made = GraspRepository.create(dataset)
+    if as_json:
+        print_json({"dataset": str(made.path), "snapshot": made.resolve(DEFAULT_REF)})
+    else:
+        console.print("created an empty dataset at ", bold(dataset))
 
 
 def release(
     dataset: Dataset,
     name: Annotated[str, typer.Argument(help="Name of the release, such as v1; never to be used again.")],
     message: Message = "",
+    as_json: Json = False,
 ) -> None:
     """Give a version an immutable name."""
     repository, ref = open_repository(dataset)
     made = repository.release(name, ref, message)
+    if as_json:
+        print_json(
+            {
+                "release": made.name,
+                "snapshot": made.snapshot_id,
+                "message": made.message,
+                "released": made.released_at,
+            }
+        )
+        return
     console.print(f"released {repository.path}@", bold(made.name), f" (snapshot {made.snapshot_id})")
 
 
@@ -78,25 +93,46 @@ def branch(
     ] = "",
     delete: Annotated[bool, typer.Option("--delete", help="Delete the branch.")] = False,
     force: Annotated[bool, typer.Option("--force", help="Delete it even if its commits are nowhere else.")] = False,
+    dry_run: DryRun = False,
     as_json: Json = False,
 ) -> None:
     """Create, list or delete branches."""
     repository, ref = open_repository(dataset)
-    from handsight.datasets.store.branches import create_branch, delete_branch  # a second; see above
-
-    if not name:
+    if name:
+        snapshot = _moved_branch(repository, name, ref, delete=delete, force=force, dry_run=dry_run)
+        if as_json:
+            print_json({"branch": name, "snapshot": snapshot, "deleted": delete and not dry_run})
+        else:
+            _print_branch(repository, name, snapshot, delete=delete, dry_run=dry_run)
+    else:
         branches = repository.branches()
         if as_json:
             print_json([{"branch": one, "snapshot": snapshot} for one, snapshot in branches.items()])
         else:
             short = short_snapshot(branches.values())
             print_table(("branch", Column(heading="snapshot", short=short)), list(branches.items()))
+
+
+def _moved_branch(repository: GraspRepository, name: str, ref: str, *, delete: bool, force: bool, dry_run: bool) -> str:
+    """Delete a branch or begin one, or see whether that can be done; the snapshot id that it had or has."""
+    from handsight.datasets.store import branches  # a second; see above
+
+    if delete:
+        gone = branches.check_deletable if dry_run else branches.delete_branch
+        return gone(repository, name, force=force)
+    if dry_run:
+        branches.check_new_branch(repository, name)
+        return repository.resolve(ref)
+    return branches.create_branch(repository, name, ref)
+
+
+def _print_branch(repository: GraspRepository, name: str, snapshot: str, *, delete: bool, dry_run: bool) -> None:
+    if dry_run:
+        console.print(f"would have {'deleted' if delete else 'begun'} branch ", bold(name), f" at {snapshot}")
     elif delete:
-        snapshot = delete_branch(repository, name, force=force)
         again = pasteable("handsight", "dataset", "branch", f"{repository.path}@{snapshot}", name)
         console.print("deleted branch ", bold(name), f"; until the next gc it is back with {again}")
     else:
-        snapshot = create_branch(repository, name, ref)
         console.print("branch ", bold(name), f" begins at {snapshot}")
 
 
@@ -173,21 +209,22 @@ def _share(balance: Balance) -> str:
 def migrate_command(
     dataset: Dataset,
     branch: NewBranch,
+    dry_run: DryRun = False,
     as_json: Json = False,
 ) -> None:
     """Bring a version of an older schema forward, on a new branch; every attempt keeps its id and digest."""
     repository, ref = open_repository(dataset)
     from handsight.datasets.integrity.migrate import migrate  # a second; see above
 
-    done = migrate(repository, branch, ref=ref)
+    done = migrate(repository, branch, ref=ref, dry_run=dry_run)
     if as_json:
         print_json(done)
     elif done is None:
         console.print(f"{dataset} has the newest schema already: no branch was made")
     else:
         console.print(
-            "branch ",
-            bold(done.branch),
-            f" ({done.snapshot}): {counted(done.sessions, 'session')} upgraded from schema {done.schema_before} "
-            f"to {done.schema_after}",
+            "would make branch " if dry_run else "branch ",
+            bold(branch),
+            "" if dry_run else f" ({done.snapshot})",
+            f": {counted(done.sessions, 'session')} upgraded from schema {done.schema_before} to {done.schema_after}",
         )

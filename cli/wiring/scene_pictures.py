@@ -16,6 +16,7 @@ from handsight.collection.sim.config import SimConfig
 from handsight.collection.sim.scene_camera import SceneCamera
 from handsight.collection.sim.station import TABLE_SEED, SimStation
 from handsight.collection.sim.table import wooden_table
+from handsight.datasets.atomic import atomic_file
 from handsight.servoing.planar import PlanarPose
 
 if TYPE_CHECKING:
@@ -37,7 +38,8 @@ def write_station_picture(out: Path, objects: str, seed: int) -> None:
     done, contents = cv2.imencode(".png", cv2.cvtColor(picture, cv2.COLOR_RGB2BGR))
     if not done:
         raise CommandError(f"the picture of shape {picture.shape} has no PNG encoding")
-    out.write_bytes(contents.tobytes())
+    with atomic_file(out) as unfinished:
+        unfinished.write_bytes(contents.tobytes())
 
 
 def station_picture(config: SimConfig, seed: int) -> NDArray[np.uint8]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
+from typing import TypeVar
 
 import pandas as pd
 import zarr
@@ -19,7 +20,9 @@ from handsight.datasets.format.saved_filters import read_filters
 from handsight.datasets.reading.reader import GraspDataset
 from handsight.datasets.reading.selection import Selection, select
 from handsight.datasets.store.repository import GraspRepository
-from handsight.datasets.writing.change import change_branch
+from handsight.datasets.writing.change import Change, change_branch, preview_change
+
+D = TypeVar("D", Decision, Decision | None)
 
 
 class Curator:
@@ -84,10 +87,11 @@ class Curator:
 
         return self._decide(Action.UNLABEL, None, which, reason, corrected, dry_run)
 
-    def undo(self, number: int | None = None, reason: str = "undone") -> Decision:
+    def undo(self, number: int | None = None, reason: str = "undone", *, dry_run: bool = False) -> Decision:
         """Revert a curation decision, the latest that counts unless a number is given.
 
         What other decisions, before and after it, say of the same attempts then holds. Undoing an UNDO is redoing.
+        With ``dry_run`` nothing is committed.
 
         Raises:
             UnknownNameError: There is no such decision, or none is left that counts.
@@ -95,13 +99,15 @@ class Curator:
         """
         _refuse(_text_faults("reason", reason, REASON_BYTES))
 
-        def change(dataset: GraspDataset, root: zarr.Group) -> tuple[str, Decision]:
+        def change(dataset: GraspDataset, root: zarr.Group) -> tuple[str | None, Decision]:
             undone = _decision_to_undo(dataset, number)
             decision = self._decision(dataset, Action.UNDO, undone.number, (), reason)
+            if dry_run:
+                return None, decision
             append_decision(root, decision)
             return f"undo decision {undone.number} ({undone.action.name.lower()}): {reason}", decision
 
-        return change_branch(self.repository, self.branch, change).value
+        return self._made(change, dry_run=dry_run)
 
     def _decide(
         self,
@@ -125,6 +131,12 @@ class Curator:
             append_decision(root, decision)
             return f"{action.name.lower()} {counted(len(attempts), 'attempt')}: {reason}", decision
 
+        return self._made(change, dry_run=dry_run)
+
+    def _made(self, change: Change[D], *, dry_run: bool) -> D:
+        """The decision that the change takes, committed unless it is only tried."""
+        if dry_run:
+            return preview_change(self.repository, self.branch, change)
         return change_branch(self.repository, self.branch, change).value
 
     def _decision(

@@ -31,7 +31,7 @@ from handsight.datasets.format.schema import create_array
 from handsight.datasets.reading.reader import GraspDataset
 from handsight.datasets.store.releases import check_name
 from handsight.datasets.store.repository import GraspRepository
-from handsight.datasets.writing.change import change_branch
+from handsight.datasets.writing.change import change_branch, preview_change
 
 FOLDS = "folds"
 """Group that holds the folds; absent until the first."""
@@ -86,10 +86,11 @@ def make_folds(
     author: str,
     branch: str = DEFAULT_REF,
     replace: bool = False,
+    dry_run: bool = False,
 ) -> Folds:
     """Divide the labelled attempts of a branch that are not excluded, and store the division in one commit.
 
-    The same attempts, grouping, count and seed give the same folds.
+    The same attempts, grouping, count and seed give the same folds. With ``dry_run`` they are not stored.
 
     Raises:
         RefNameError: The name is malformed or, without ``replace``, taken.
@@ -100,7 +101,7 @@ def make_folds(
     if not 2 <= count <= _MOST_FOLDS or seed < 0:
         raise FoldsError(f"count is {count} and seed {seed}, expected 2 to {_MOST_FOLDS} folds and a seed of 0 or more")
 
-    def change(dataset: GraspDataset, root: zarr.Group) -> tuple[str, Folds]:
+    def change(dataset: GraspDataset, root: zarr.Group) -> tuple[str | None, Folds]:
         if name in fold_names(root) and not replace:
             raise RefNameError(f"there are folds {name!r} already: replace them or choose another name")
         rows = _divided(dataset)
@@ -115,9 +116,13 @@ def make_folds(
             author=author,
             fold=fold,
         )
+        if dry_run:
+            return None, folds
         _write(root, folds)
         return f"divide {counted(len(fold), 'attempt')} into {count} folds {name!r} by {by}", folds
 
+    if dry_run:
+        return preview_change(repository, branch, change)
     return change_branch(repository, branch, change).value
 
 

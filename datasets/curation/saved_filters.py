@@ -16,13 +16,22 @@ from handsight.datasets.reading.reader import GraspDataset
 from handsight.datasets.reading.selection import matches
 from handsight.datasets.store.releases import check_name
 from handsight.datasets.store.repository import GraspRepository
-from handsight.datasets.writing.change import change_branch
+from handsight.datasets.writing.change import change_branch, preview_change
 
 
 def save_filter(
-    repository: GraspRepository, name: str, where: str, *, author: str, branch: str = DEFAULT_REF, replace: bool = False
+    repository: GraspRepository,
+    name: str,
+    where: str,
+    *,
+    author: str,
+    branch: str = DEFAULT_REF,
+    replace: bool = False,
+    dry_run: bool = False,
 ) -> int:
     """Keep an expression under a name, in one commit, and return how many attempts it matches now.
+
+    With ``dry_run`` nothing is committed.
 
     Raises:
         RefNameError: The name is malformed or, without ``replace``, taken by another expression.
@@ -40,28 +49,37 @@ def save_filter(
             raise RefNameError(
                 f"there is a filter {name!r} already, {entries[name]['where']!r}: replace it or choose another"
             )
+        if dry_run:
+            return None, found
         group = group_at(root, FILTERS_GROUP) if FILTERS_GROUP in root else root.create_group(FILTERS_GROUP)
         group.update_attributes({name: {"where": where, "author": author, "saved": utc_now()}})
         return f"save filter {name}: {where}", found
 
+    if dry_run:
+        return preview_change(repository, branch, change)
     return change_branch(repository, branch, change).value
 
 
-def forget_filter(repository: GraspRepository, name: str, *, branch: str = DEFAULT_REF) -> None:
-    """Drop a saved filter, in one commit; earlier versions keep it.
+def forget_filter(repository: GraspRepository, name: str, *, branch: str = DEFAULT_REF, dry_run: bool = False) -> None:
+    """Drop a saved filter, in one commit; earlier versions keep it. With ``dry_run`` nothing is committed.
 
     Raises:
         UnknownNameError: There is no such filter.
         RefNotFoundError: There is no such branch.
     """
 
-    def change(dataset: GraspDataset, root: zarr.Group) -> tuple[str, None]:
+    def change(dataset: GraspDataset, root: zarr.Group) -> tuple[str | None, None]:
         entries = filter_entries(root)
         if name not in entries:
             raise UnknownNameError(
                 f"there is no saved filter {name!r} (filters: {', '.join(sorted(entries)) or 'none'})"
             )
+        if dry_run:
+            return None, None
         group_at(root, FILTERS_GROUP).attrs.put({key: value for key, value in entries.items() if key != name})
         return f"forget filter {name}", None
 
-    change_branch(repository, branch, change)
+    if dry_run:
+        preview_change(repository, branch, change)
+    else:
+        change_branch(repository, branch, change)

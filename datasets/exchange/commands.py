@@ -19,6 +19,7 @@ from handsight.datasets.reading.reader import GraspDataset
 from handsight.datasets.store.icechunk_engine import sync_file_system
 from handsight.datasets.store.readers import being_read
 from handsight.datasets.store.repository import GraspRepository
+from handsight.datasets.writable import refuse_unwritable
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,9 +90,12 @@ def import_dataset(
 
     Raises:
         InterchangeError: The source is in no known format or is malformed, or the map is.
+        StorageError: The dataset cannot be written to.
     """
     path, location = Path(source), location_of(target)
     refuse_source(path)
+    if not dry_run:
+        refuse_unwritable(location)
     if map is not None and format is not None:
         raise InterchangeError(
             f"format {format!r} and a map are given: a map says itself what the set is; leave one out"

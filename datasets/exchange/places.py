@@ -10,6 +10,7 @@ from pathlib import Path
 
 from handsight.datasets.address import Location, S3Prefix
 from handsight.datasets.errors import InterchangeError, StorageError
+from handsight.datasets.writable import folder_fault, link_fault
 
 _STORE_FOLDERS = frozenset({"chunks", "manifests", "snapshots", "transactions", ".handsight"})
 """What appears where a dataset was, if somebody moves it while it is written to."""
@@ -20,14 +21,17 @@ def refuse_target(target: Path) -> None:
 
     Raises:
         InterchangeError: Something is there, or it is inside a dataset.
+        StorageError: Nothing can be written there.
     """
-    if target.is_symlink() and not target.exists():
-        raise InterchangeError(f"{target} {_dangling(target)}: choose another path, or remove the link")
+    if (fault := link_fault(target)) is not None:
+        raise InterchangeError(f"{fault}: choose another path, or remove the link")
     if target.exists():
         raise InterchangeError(f"there is something at {target} already: choose another path, or move it away")
     for folder in target.resolve().parents:
         if (folder / "refs").is_dir() and (folder / "snapshots").is_dir():
             raise InterchangeError(f"{target} is inside the dataset {folder}: choose a path outside of it")
+    if (fault := folder_fault(target)) is not None:
+        raise StorageError(f"cannot write {target}: {fault}; mend that, or choose another place")
 
 
 def refuse_source(source: Path) -> None:
@@ -36,8 +40,8 @@ def refuse_source(source: Path) -> None:
     Raises:
         InterchangeError: Nothing is there, or what macOS leaves beside a file.
     """
-    if source.is_symlink() and not source.exists():
-        raise InterchangeError(f"{source} {_dangling(source)}: import what it was meant to name")
+    if (fault := link_fault(source)) is not None:
+        raise InterchangeError(f"{fault}: import what it was meant to name")
     if not source.exists():
         raise InterchangeError(f"there is nothing at {source} to import: check the path")
     if source.name.startswith("._") and source.is_file():
@@ -73,7 +77,3 @@ def _remove_remains(location: Path) -> None:
     """Remove the folders that the store has made anew where the dataset was; nothing of anybody else's."""
     if location.is_dir() and {path.name for path in location.iterdir()} <= _STORE_FOLDERS:
         shutil.rmtree(location, ignore_errors=True)
-
-
-def _dangling(link: Path) -> str:
-    return f"is a link to {link.readlink()}, where nothing is"

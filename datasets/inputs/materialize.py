@@ -23,7 +23,7 @@ import pandas as pd
 import torch
 from numpy.typing import NDArray
 
-from handsight.datasets.errors import NoTrainingDataError
+from handsight.datasets.errors import NoTrainingDataError, StorageError
 from handsight.datasets.format.decisions import trainable
 from handsight.datasets.format.schema import Viewpoint
 from handsight.datasets.inputs.cache import open_cache, write_cache
@@ -32,6 +32,7 @@ from handsight.datasets.reading.reader import GraspDataset
 from handsight.datasets.records import RgbdFrame, StationSpec
 from handsight.datasets.store.readers import being_read
 from handsight.datasets.views import station_view
+from handsight.datasets.writable import folder_fault
 from handsight.servoing.homography import InputGrid, predict_inputs
 from handsight.servoing.planar import PlanarPose
 from handsight.servoing.prepared_view import PreparedView
@@ -83,6 +84,7 @@ def materialize(
         NoTrainingDataError: No attempt of this version has a label and the picture asked for.
         CorruptDataError: A picture is damaged; the message names the attempt.
         VersionRemovedError: The version was expired and collected meanwhile.
+        StorageError: Nothing can be written beside the dataset, where inputs are kept.
     """
     grid = grid or InputGrid()
     rows = usable_attempts(dataset, viewpoint)
@@ -91,6 +93,10 @@ def materialize(
     shape = (len(rows), 4, grid.size_px, grid.size_px)
     inputs = open_cache(path, holds=holds, shape=shape, dtype=np.float16)
     if inputs is None:
+        if (fault := folder_fault(path.parent)) is not None:
+            raise StorageError(
+                f"the inputs would be kept in {path.parent}: {fault}; read a copy of the dataset elsewhere"
+            )
         path.parent.mkdir(parents=True, exist_ok=True)
         fill = partial(_fill, dataset=dataset, rows=rows, viewpoint=viewpoint, grid=grid, on_attempt=on_attempt)
         with being_read(dataset.repository, dataset.snapshot_id, f"make inputs of {viewpoint} pictures"):

@@ -13,7 +13,7 @@ from handsight.datasets.address import DEFAULT_REF
 from handsight.datasets.format.arrays import array_at, group_at
 from handsight.datasets.format.schema import SCHEMA_VERSION, SESSIONS, ColumnWidths, create_column
 from handsight.datasets.format.upgrades import columns_since, current_attributes
-from handsight.datasets.store.branches import new_branch
+from handsight.datasets.store.branches import check_new_branch, new_branch
 from handsight.datasets.store.icechunk_engine import icechunk_errors
 from handsight.datasets.store.repository import GraspRepository
 from handsight.datasets.store.writers import at_work
@@ -24,26 +24,32 @@ class Migration:
     """What a call of :func:`migrate` did."""
 
     branch: str
-    snapshot: str
-    """Tip of the new branch; the version itself where there was nothing to do."""
+    snapshot: str | None
+    """Tip of the new branch; None where it was only tried."""
     schema_before: int
     schema_after: int
     sessions: int
 
 
-def migrate(repository: GraspRepository, branch: str, *, ref: str = DEFAULT_REF) -> Migration | None:
+def migrate(
+    repository: GraspRepository, branch: str, *, ref: str = DEFAULT_REF, dry_run: bool = False
+) -> Migration | None:
     """Make a branch that begins at a version of an older schema and ends with the same content in the newest one.
 
-    Returns None, and makes no branch, when the version has the newest schema already.
+    Returns None, and makes no branch, when the version has the newest schema already. With ``dry_run`` nothing is made.
 
     Raises:
         RefNotFoundError: There is no such version.
         RefNameError: The branch's name is malformed or taken.
         CorruptDataError: What describes a session is damaged: repair cannot help, restore it from a copy.
     """
-    before = schema_of(repository.root(repository.resolve(ref)))
+    version = repository.root(repository.resolve(ref))
+    before = schema_of(version)
     if before >= SCHEMA_VERSION:
         return None
+    if dry_run:
+        check_new_branch(repository, branch)
+        return _migration(branch, None, before, len(list(group_at(version, SESSIONS).groups())))
     with at_work(repository, f"migrate to {branch}"), new_branch(repository, branch, ref):
         transaction = repository.writable(branch)
         with icechunk_errors(f"cannot migrate {repository.path}"):
@@ -54,8 +60,12 @@ def migrate(repository: GraspRepository, branch: str, *, ref: str = DEFAULT_REF)
             root.update_attributes({"schema_version": SCHEMA_VERSION})
         message = f"migrate {ref} from schema {before} to {SCHEMA_VERSION}"
         snapshot = repository.commit(transaction, branch=branch, message=message)
+    return _migration(branch, snapshot, before, len(sessions))
+
+
+def _migration(branch: str, snapshot: str | None, before: int, sessions: int) -> Migration:
     return Migration(
-        branch=branch, snapshot=snapshot, schema_before=before, schema_after=SCHEMA_VERSION, sessions=len(sessions)
+        branch=branch, snapshot=snapshot, schema_before=before, schema_after=SCHEMA_VERSION, sessions=sessions
     )
 
 

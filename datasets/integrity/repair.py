@@ -24,7 +24,7 @@ from handsight.datasets.integrity.verify import VerifyReport
 from handsight.datasets.reading.reader import GraspDataset
 from handsight.datasets.reading.selection import Selection
 from handsight.datasets.records import PHASES, GraspAttempt, GripperReadings, Outcome, SessionHeader
-from handsight.datasets.store.branches import new_branch
+from handsight.datasets.store.branches import check_new_branch, new_branch
 from handsight.datasets.store.repository import GraspRepository
 from handsight.datasets.store.writers import at_work
 from handsight.datasets.writing.batches import PreparedAttempt, chunk_start, column_paths, prepare
@@ -43,8 +43,8 @@ class RepairReport:
     """What a repair did."""
 
     branch: str
-    snapshot: str
-    """The tip of the branch, after the repair."""
+    snapshot: str | None
+    """The tip of the branch, after the repair; None where it was only tried."""
     simulated: tuple[str, ...]
     """Attempts brought back by simulation, with the digest that was recorded."""
     lost: tuple[str, ...]
@@ -58,6 +58,7 @@ def repair(
     branch: str,
     author: str,
     resimulate: ResimulateAttempt | None = None,
+    dry_run: bool = False,
 ) -> RepairReport:
     """Replace the corrupt attempts of a version on a new branch that begins there.
 
@@ -67,6 +68,7 @@ def repair(
         branch: Name of the branch to make.
         author: Who excludes what is lost.
         resimulate: Performs attempts of simulated sessions again; without it all corrupt attempts are lost.
+        dry_run: Find out what could be brought back, and make no branch.
 
     Raises:
         RefNameError: The branch exists, or its name is malformed.
@@ -79,6 +81,11 @@ def repair(
             "restore the dataset from a copy"
         )
     repository = dataset.repository
+    if dry_run:
+        check_new_branch(repository, branch)
+        back = [one for one in report.corrupt if _simulated(dataset, one, resimulate) is not None]
+        gone = tuple(one for one in report.corrupt if one not in back)
+        return RepairReport(branch=branch, snapshot=None, simulated=tuple(back), lost=gone)
     with at_work(repository, f"repair to {branch}"), new_branch(repository, branch, dataset.snapshot_id):
         found = {attempt: _simulated(dataset, attempt, resimulate) for attempt in report.corrupt}
         simulated = {attempt: one for attempt, one in found.items() if one is not None}

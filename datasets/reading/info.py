@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from handsight.datasets.address import SIDE_FOLDER
 from handsight.datasets.store.files import stored_files
-from handsight.datasets.store.repository import SIDE_FOLDER, GraspRepository
+from handsight.datasets.store.repository import GraspRepository
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

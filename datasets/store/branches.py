@@ -20,15 +20,24 @@ def create_branch(repository: GraspRepository, name: str, ref: str = DEFAULT_REF
         RefNameError: The name is malformed, or taken by a release or branch.
         RefNotFoundError: There is no such ref.
     """
-    check_ref_name("branch", name)
     with repository.locked():
-        if repository.is_taken(name):
-            raise RefNameError(f"{name!r} is taken in {repository.path}: choose another name for the branch")
+        check_new_branch(repository, name)
         snapshot_id = repository.resolve(ref)
         with icechunk_errors(f"cannot create branch {name!r} of {repository.path}"):
             create_ref(repository.icechunk_repository, repository.path, "branch", name, snapshot_id)
         repository.change_ledger(f"branch {name}", lambda root: enter_branch(root, name, snapshot_id))
     return snapshot_id
+
+
+def check_new_branch(repository: GraspRepository, name: str) -> None:
+    """Refuse a name under which no branch can begin.
+
+    Raises:
+        RefNameError: The name is malformed, or taken by a release or branch.
+    """
+    check_ref_name("branch", name)
+    if repository.is_taken(name):
+        raise RefNameError(f"{name!r} is taken in {repository.path}: choose another name for the branch")
 
 
 @contextmanager
@@ -54,20 +63,30 @@ def delete_branch(repository: GraspRepository, name: str, *, force: bool = False
         RefNameError: It is the default branch or, without ``force``, holds commits that no other ref leads to.
     """
     with repository.locked():
-        branches = repository.branches()
-        if name not in branches:
-            raise RefNotFoundError(f"{repository.path} has no branch {name!r} (branches: {', '.join(branches)})")
-        if name == DEFAULT_REF:
-            raise RefNameError(f"{name!r} is the default branch of {repository.path} and cannot be deleted")
-        if not force and not _is_reachable(repository, branches, name):
-            raise RefNameError(
-                f"branch {name!r} of {repository.path} holds commits that no other branch or release leads to: "
-                f"release it first, or delete it by force"
-            )
+        snapshot_id = check_deletable(repository, name, force=force)
         repository.change_ledger(f"delete branch {name}", lambda root: enter_branch(root, name, None))
         with icechunk_errors(f"cannot delete branch {name!r} of {repository.path}"):
             repository.icechunk_repository.delete_branch(name)
         sync_file_system(repository.path)
+    return snapshot_id
+
+
+def check_deletable(repository: GraspRepository, name: str, *, force: bool = False) -> str:
+    """The snapshot id of a branch that can be deleted.
+
+    Raises:
+        RefNotFoundError, RefNameError: As for :func:`delete_branch`.
+    """
+    branches = repository.branches()
+    if name not in branches:
+        raise RefNotFoundError(f"{repository.path} has no branch {name!r} (branches: {', '.join(branches)})")
+    if name == DEFAULT_REF:
+        raise RefNameError(f"{name!r} is the default branch of {repository.path} and cannot be deleted")
+    if not force and not _is_reachable(repository, branches, name):
+        raise RefNameError(
+            f"branch {name!r} of {repository.path} holds commits that no other branch or release leads to: "
+            f"release it first, or delete it by force"
+        )
     return branches[name]
 
 

@@ -13,6 +13,7 @@ from handsight.datasets.format.provenance import utc_now
 from handsight.datasets.format.schema import SCHEMA_VERSION, SESSIONS
 from handsight.datasets.store.icechunk_engine import icechunk_config, open_store, storage_at, sync_file_system
 from handsight.datasets.store.releases import LEDGER_BRANCH
+from handsight.datasets.writable import link_fault
 
 
 def refuse_occupied(path: Location) -> None:
@@ -29,8 +30,8 @@ def refuse_occupied(path: Location) -> None:
             raise DatasetExistsError(f"there is a dataset at {path} already: open it, or choose another path")
         if not isinstance(path, S3Prefix) and any(path.iterdir()):
             raise NotADatasetError(f"{path} is a folder with other files in it: choose a new or an empty folder")
-    elif path.is_symlink() and not path.exists():
-        raise NotADatasetError(f"{path} is a link to {path.readlink()}, where nothing is: mend the link, or remove it")
+    elif (fault := link_fault(path)) is not None:
+        raise NotADatasetError(f"{fault}: mend the link, or remove it")
     elif path.exists():
         raise NotADatasetError(f"{path} is a file, expected a new or an empty folder")
 

@@ -15,7 +15,15 @@ import icechunk
 import zarr
 from filelock import FileLock, Timeout
 
-from handsight.datasets.address import DEFAULT_REF, Location, S3Prefix, cache_folder, location_of, no_dataset_at
+from handsight.datasets.address import (
+    DEFAULT_REF,
+    SIDE_FOLDER,
+    Location,
+    S3Prefix,
+    cache_folder,
+    location_of,
+    no_dataset_at,
+)
 from handsight.datasets.atomic import atomic_folder
 from handsight.datasets.errors import (
     CorruptDataError,
@@ -51,9 +59,7 @@ from handsight.datasets.store.releases import (
     read_ledger,
 )
 from handsight.datasets.store.snapshot_ids import is_beginning, snapshots_beginning
-
-SIDE_FOLDER = ".handsight"
-"""Folder inside a local dataset for what is not part of any version: the lock and caches."""
+from handsight.datasets.writable import dataset_fault, refuse_unwritable
 
 _LOCK_TIMEOUT_S = 120.0
 """A commit holds the lock for milliseconds, so a longer wait means that something is stuck."""
@@ -99,6 +105,7 @@ class GraspRepository:
         Raises:
             DatasetExistsError: There is a dataset already.
             NotADatasetError: The path is a file or a folder with something else in it.
+            StorageError: No folder can be made there.
         """
         path = location_of(path)
         refuse_occupied(path)
@@ -106,6 +113,7 @@ class GraspRepository:
             with icechunk_errors(f"cannot create a dataset at {path}"):
                 write_empty(path)
             return cls.open(path)
+        refuse_unwritable(path)
         path.parent.mkdir(parents=True, exist_ok=True)
         try:
             with atomic_folder(path) as unfinished, icechunk_errors(f"cannot create a dataset at {path}"):
@@ -347,19 +355,23 @@ class GraspRepository:
 
         Raises:
             DatasetBusyError: Another process held the lock for too long.
+            StorageError: The dataset cannot be written to.
         """
         self.check_process()
         if self._lock is None:
             yield
             return
-        self.side_folder.mkdir(exist_ok=True)
         try:
+            self.side_folder.mkdir(exist_ok=True)
             self._lock.acquire()
         except Timeout as error:
             raise DatasetBusyError(
                 f"another process has held {self._lock.lock_file} for {_LOCK_TIMEOUT_S:.0f} s: "
                 "find it and stop it, then try again"
             ) from error
+        except OSError as error:
+            fault = dataset_fault(self.folder) or f"{self.side_folder}: {error.strerror}"
+            raise StorageError(f"cannot write to {self.path}: {fault}; mend that, or choose another place") from error
         try:
             if not self._tidy:
                 clear_leftovers(self.folder, self.side_folder)

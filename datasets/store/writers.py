@@ -37,6 +37,7 @@ from handsight.datasets.store.leftovers import WRITERS_FOLDER
 from handsight.datasets.store.refs import ref_names
 from handsight.datasets.store.releases import READER_PREFIX, WRITER_PREFIX
 from handsight.datasets.store.repository import GraspRepository
+from handsight.datasets.writable import refuse_unwritable
 
 _COARSEST_FILE_TIME = timedelta(seconds=2)
 _FARTHEST_CLOCK = timedelta(minutes=15)
@@ -98,6 +99,7 @@ def register(repository: GraspRepository, what: str, *, session: str | None = No
         DatasetBusyError: Garbage is being collected, for too long.
         StorageError: The disk is not writable, or the bucket not within reach.
     """
+    refuse_unwritable(repository.path)
     # A collection that goes on has looked for writers already.
     with repository.locked():
         return _enter(repository, WRITER_PREFIX, None, {"what": what, "session": session})

@@ -51,6 +51,19 @@ def change_branch(repository: GraspRepository, branch: str, change: Change[T]) -
     return change_root(repository, branch, with_version)
 
 
+def preview_change(repository: GraspRepository, branch: str, change: Change[T]) -> T:
+    """What a change to the tip of a branch would come to. Nothing is written and no lock taken, so anybody may ask.
+
+    ``change`` is given a root that cannot be written to: it has to return before it makes its changes.
+
+    Raises:
+        RefNotFoundError: There is no such branch.
+        CorruptDataError: What describes a session of the tip is damaged.
+    """
+    dataset = GraspDataset(repository, ref=repository.tip(branch))
+    return change(dataset, dataset.root)[1]
+
+
 def change_root(repository: GraspRepository, branch: str, change: RootChange[T]) -> Changed[T]:
     """Commit a change to the tip of a branch.
 

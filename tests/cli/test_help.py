@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Iterator
-from typing import Any
 
 import pytest
-from typer.main import get_command
+from tests.support.command_tree import COMMANDS
 
-from handsight.cli.app import app, run
-from handsight.cli.lazy import LazyCommand, LazyGroup
+from handsight.cli.app import run
 from handsight.cli.options import DEFAULT_METHOD, DEFAULT_THRESHOLD, EVALUATION_SEED, NOVEL_OBJECTS, TRAINING_OBJECTS
 from handsight.collection.sim.objects.catalogue import OBJECT_SETS
 from handsight.datasets import EXPORT_FORMATS, FORMATS, VIEWPOINTS
@@ -18,21 +15,6 @@ from handsight.datasets.curation.folds import GROUPINGS
 from handsight.evaluation.evaluate import EvaluationSettings
 from handsight.servoing.loop import ServoSettings
 from handsight.servoing.methods.registry import METHODS
-
-Entry = tuple[tuple[str, ...], LazyCommand, Any]
-
-
-def commands(group: Any, words: tuple[str, ...] = ()) -> Iterator[Entry]:
-    """Every command below a group, with the words that call it and its line in the list."""
-    for entry in group.table:
-        command = entry.load()
-        if isinstance(command, LazyGroup):
-            yield from commands(command, (*words, entry.name))
-        else:
-            yield (*words, entry.name), entry, command
-
-
-COMMANDS = {" ".join(words): (words, entry, command) for words, entry, command in commands(get_command(app))}
 
 
 def page(capsys: pytest.CaptureFixture[str], *words: str) -> str:

@@ -128,9 +128,9 @@ def test_a_name_that_could_not_be_opened_is_not_made(tmp_path: Path, name: str) 
 def test_a_link_that_leads_nowhere_is_called_one(tmp_path: Path) -> None:
     link = tmp_path / "grasps"
     link.symlink_to(tmp_path / "unplugged")
-    with pytest.raises(DatasetNotFoundError, match=r"is a link to .*unplugged, where nothing is"):
+    with pytest.raises(DatasetNotFoundError, match=r"is a link to .*unplugged, which is not there"):
         check_dataset_folder(link)
-    with pytest.raises(NotADatasetError, match=r"is a link to .*unplugged, where nothing is"):
+    with pytest.raises(NotADatasetError, match=r"is a link to .*unplugged, which is not there"):
         GraspRepository.create(link)
     assert link.is_symlink()
 

@@ -11,6 +11,8 @@ from typing import Any, Final
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from handsight.datasets.atomic import atomic_file
+from handsight.datasets.writable import file_fault
 from handsight.viz.errors import FigureError
 
 BAR_COLOURS: Final = ("#3f6ea3", "#6f8f4e", "#8a6bab", "#b0763c")
@@ -48,7 +50,8 @@ def save_png(figure: Figure, path: Path) -> Path:
     """
     check_figure_path(path)
     FigureCanvasAgg(figure)
-    figure.savefig(path, format="png", metadata={"Software": None})
+    with atomic_file(path) as unfinished:
+        figure.savefig(unfinished, format="png", metadata={"Software": None})
     return path
 
 
@@ -59,7 +62,8 @@ def save_svg(figure: Figure, path: Path) -> Path:
         FigureError: The folder does not exist.
     """
     check_figure_path(path)
-    figure.savefig(path, format="svg", metadata={"Date": None, "Creator": None})
+    with atomic_file(path) as unfinished:
+        figure.savefig(unfinished, format="svg", metadata={"Date": None, "Creator": None})
     return path
 
 
@@ -67,11 +71,11 @@ def check_figure_path(path: Path, *suffixes: str) -> None:
     """Refuse a place where no figure can be written, before it is made.
 
     Raises:
-        FigureError: The folder does not exist, a folder is there, or the name ends in none of the suffixes, if any
-            are given.
+        FigureError: The folder does not exist or takes no new files, a folder is there, or the name ends in none of
+            the suffixes, if any are given.
     """
-    if path.is_dir() or not path.parent.is_dir():
-        raise FigureError(f"cannot write a figure to {str(path)!r}, expected a file name in an existing folder")
+    if (fault := file_fault(path)) is not None:
+        raise FigureError(f"cannot write a figure to {str(path)!r}: {fault}; choose another file")
     if suffixes and path.suffix.lower() not in suffixes:
         raise FigureError(
             f"cannot write a figure to {str(path)!r}, expected a name that ends in {' or '.join(suffixes)}"

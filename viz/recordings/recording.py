@@ -11,6 +11,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from handsight.datasets.atomic import atomic_file
+from handsight.datasets.writable import file_fault
 from handsight.viz.errors import RecordingError
 
 _SWITCH = "RERUN"
@@ -20,12 +21,10 @@ def check_recording_path(path: Path) -> None:
     """Refuse a place where no recording can be written, before long work is done for it.
 
     Raises:
-        RecordingError: ``path`` is a folder, lies in none, or the folder may not be written to.
+        RecordingError: ``path`` is a folder, lies in none, or the folder takes no new files.
     """
-    if path.is_dir() or not path.parent.is_dir():
-        raise RecordingError(f"cannot write a recording to {str(path)!r}, expected a file name in an existing folder")
-    if not os.access(path.parent, os.W_OK | os.X_OK):
-        raise RecordingError(f"cannot write a recording to {str(path)!r}: you may not write to {str(path.parent)!r}")
+    if (fault := file_fault(path)) is not None:
+        raise RecordingError(f"cannot write a recording to {str(path)!r}: {fault}; choose another file")
 
 
 @contextmanager

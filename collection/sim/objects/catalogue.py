@@ -13,6 +13,7 @@ from handsight.collection.sim.objects.cache import cache_root
 from handsight.collection.sim.objects.household.generate import household_folder
 from handsight.collection.sim.objects.manifest import MANIFEST_FILE, load_models, read_manifest
 from handsight.collection.sim.objects.model import ObjectModel
+from handsight.datasets.writable import link_fault
 
 IMPORTED_FOLDER = "imported"
 OBJECTS_PER_SCENE = 5
@@ -101,6 +102,7 @@ def load_object_set(name: str) -> tuple[ObjectModel, ...]:
         return _built_in(name, cache_root())
     folder = _folder_of(name)
     if folder is None:
+        _refuse_links(name)
         known = ", ".join(info.name for info in list_object_sets())
         raise ObjectSetError(
             f"unknown object set {name!r}, expected one of: {known}; or the folder of a set; to make one, "
@@ -122,6 +124,17 @@ def _folder_of(name: str) -> Path | None:
         return imported_folder(name)
     # "." and the like name folders; the empty string, which Path takes for ".", does not.
     return Path(name) if name and Path(name).is_dir() else None
+
+
+def _refuse_links(name: str) -> None:
+    """Name the link to a set that is not there, as on a disk that is not mounted.
+
+    Raises:
+        ObjectSetError: A link of that name leads nowhere.
+    """
+    for place in (Path(name), imported_folder(Path(name).name)):
+        if name and (fault := link_fault(place)) is not None:
+            raise ObjectSetError(f"{fault}: mend the link, or name another object set")
 
 
 def list_object_sets() -> list[ObjectSetInfo]:

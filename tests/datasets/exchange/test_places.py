@@ -42,11 +42,11 @@ def test_no_dataset_is_made_inside_another(dataset: GraspDataset, tmp_path: Path
 def test_what_is_no_file_says_what_it_is(dataset: GraspDataset, tmp_path: Path, format: str | None) -> None:
     (tmp_path / "link").symlink_to("nowhere")
     (tmp_path / "._out.hdf5").write_bytes(b"\0\5\x16\7")
-    with pytest.raises(InterchangeError, match="link is a link to nowhere, where nothing is"):
+    with pytest.raises(InterchangeError, match="link is a link to nowhere, which is not there"):
         import_dataset(tmp_path / "link", tmp_path / "new", format=format)
     with pytest.raises(InterchangeError, match=r"what macOS keeps beside a file .* import .*/out.hdf5"):
         import_dataset(tmp_path / "._out.hdf5", tmp_path / "new", format=format)
-    with pytest.raises(InterchangeError, match="link is a link to nowhere, where nothing is"):
+    with pytest.raises(InterchangeError, match="link is a link to nowhere, which is not there"):
         export_dataset(dataset, tmp_path / "link", format="hdf5")
 
 

@@ -71,6 +71,6 @@ def test_rows_that_cannot_be_drawn_are_all_reported(tmp_path: Path) -> None:
     far_off["rate"] = math.nan
     with pytest.raises(FigureError, match=r"(?s)row 1 .* 5 successes in 4 trials.*row 2 .* rate nan.*row 3 .* twice"):
         results_figure([ROWS[0], wrong, far_off, ROWS[0]], tmp_path / "results")
-    with pytest.raises(FigureError, match="existing folder"):
+    with pytest.raises(FigureError, match="there is no folder"):
         results_figure(ROWS, tmp_path / "missing" / "results")
     assert list(tmp_path.iterdir()) == []

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from handsight.collection.errors import MeshImportError
+from handsight.collection.sim.objects.cache import CACHE_VARIABLE
 from handsight.collection.sim.objects.catalogue import OBJECT_SETS, imported_folder
 from handsight.collection.sim.objects.manifest import MANIFEST_FILE, Manifest, read_manifest
 from handsight.collection.sim.objects.meshes.appearance import has_texture
@@ -24,6 +25,7 @@ from handsight.collection.sim.objects.meshes.finding import (
 )
 from handsight.collection.sim.objects.meshes.mesh_file import check_mesh
 from handsight.datasets.errors import counted
+from handsight.datasets.writable import folder_fault, link_fault
 
 Progress = Callable[[int, int], None]
 """Called with the number of meshes done and in total."""
@@ -133,10 +135,12 @@ def plan_import(
         progress: called after each mesh.
 
     Raises:
-        MeshImportError: Wrong arguments, meshes that cannot be used, or a name that is taken; names all faults.
+        MeshImportError: Wrong arguments, meshes that cannot be used, a name that is taken, or a place where nothing can
+            be written; names all faults.
     """
     settings = settings or ImportSettings()
     paths = _check_request(folder, name, settings)
+    _check_target(imported_folder(name))
     objects, skipped = _check_meshes(folder, paths, settings, progress)
     if skipped and (not skip_bad or not objects):
         raise MeshImportError(refusal(folder, len(paths), skipped))
@@ -192,7 +196,9 @@ def _check_request(folder: Path, name: str, settings: ImportSettings) -> list[Pa
     if name in OBJECT_SETS:
         faults.append(f"set name {name!r} is taken by a set that comes with handsight; choose another one")
     paths: list[Path] = []
-    if not folder.is_dir():
+    if (link := link_fault(folder)) is not None:
+        faults.append(f"{link}, expected a folder of meshes")
+    elif not folder.is_dir():
         what = "a file" if folder.exists() else "missing"
         faults.append(f"{shown(folder)} is {what}, expected a folder of meshes")
     elif not faults:
@@ -200,6 +206,20 @@ def _check_request(folder: Path, name: str, settings: ImportSettings) -> list[Pa
     if faults:
         raise MeshImportError("; ".join(faults))
     return paths
+
+
+def _check_target(target: Path) -> None:
+    """Refuse a place where no set can be written, before the meshes are read.
+
+    Raises:
+        MeshImportError: A link there leads nowhere, or the disk takes no new files.
+    """
+    if (fault := link_fault(target)) is not None:
+        raise MeshImportError(f"{fault}: remove the link, or choose another name")
+    if (fault := folder_fault(target.parent)) is not None:
+        raise MeshImportError(
+            f"no object set can be written to {target}: {fault}; set {CACHE_VARIABLE} to another folder"
+        )
 
 
 def _find(folder: Path, pattern: str) -> list[Path]:
