@@ -16,7 +16,6 @@ from handsight.datasets.format.upgrades import columns_since, current_attributes
 from handsight.datasets.store.branches import new_branch
 from handsight.datasets.store.icechunk_engine import icechunk_errors
 from handsight.datasets.store.repository import GraspRepository
-from handsight.datasets.store.writers import at_work
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,8 +43,8 @@ def migrate(repository: GraspRepository, branch: str, *, ref: str = DEFAULT_REF)
     before = schema_of(repository.root(repository.resolve(ref)))
     if before >= SCHEMA_VERSION:
         return None
-    with at_work(repository, f"migrate to {branch}"), new_branch(repository, branch, ref):
-        transaction = repository.writable(branch)
+    with new_branch(repository, branch, ref, what=f"migrate to {branch}") as draft:
+        transaction = repository.writable(draft)
         with icechunk_errors(f"cannot migrate {repository.path}"):
             root = zarr.open_group(transaction.store, mode="r+")
             sessions = [session for _, session in group_at(root, SESSIONS).groups()]
@@ -53,7 +52,7 @@ def migrate(repository: GraspRepository, branch: str, *, ref: str = DEFAULT_REF)
                 _upgrade(session, before)
             root.update_attributes({"schema_version": SCHEMA_VERSION})
         message = f"migrate {ref} from schema {before} to {SCHEMA_VERSION}"
-        snapshot = repository.commit(transaction, branch=branch, message=message)
+        snapshot = repository.commit(transaction, branch=draft, message=message)
     return Migration(
         branch=branch, snapshot=snapshot, schema_before=before, schema_after=SCHEMA_VERSION, sessions=len(sessions)
     )

@@ -23,6 +23,9 @@ LEDGER_BRANCH = "handsight.releases"
 WRITER_PREFIX = "handsight.writer."
 """Branches that tell who writes to a bucket begin so (writers.py); not shown among the branches either."""
 
+DRAFT_PREFIX = "handsight.draft."
+"""Branches that get their name once the work on them is done begin so, before the id of the writer (branches.py)."""
+
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
 _SNAPSHOT_ID = re.compile(r"[0-9A-HJKMNP-TV-Z]{20}")
 _LEDGER_KEY = "releases"
@@ -47,7 +50,7 @@ def is_snapshot_id(text: str) -> bool:
 
 def is_internal(branch: str) -> bool:
     """Whether a branch is handsight's own and no version of the dataset."""
-    return branch == LEDGER_BRANCH or branch.startswith(WRITER_PREFIX)
+    return branch == LEDGER_BRANCH or branch.startswith((WRITER_PREFIX, DRAFT_PREFIX))
 
 
 def is_plain_name(name: str) -> bool:

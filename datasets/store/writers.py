@@ -30,7 +30,7 @@ from handsight.datasets.errors import StorageError
 from handsight.datasets.held import HeldFile, is_held, remove_abandoned
 from handsight.datasets.store.icechunk_engine import icechunk_errors
 from handsight.datasets.store.leftovers import WRITERS_FOLDER
-from handsight.datasets.store.releases import WRITER_PREFIX
+from handsight.datasets.store.releases import DRAFT_PREFIX, WRITER_PREFIX
 from handsight.datasets.store.repository import GraspRepository
 
 _COARSEST_FILE_TIME = timedelta(seconds=2)
@@ -107,15 +107,17 @@ def register(repository: GraspRepository, what: str, *, session: str | None = No
 
 
 @contextmanager
-def at_work(repository: GraspRepository, what: str) -> Iterator[None]:
+def at_work(repository: GraspRepository, what: str) -> Iterator[str]:
     """While the block runs, what it writes is kept by whoever collects garbage or expires commits.
+
+    The block is told the id of its entry.
 
     Raises:
         DatasetBusyError, StorageError: As for :func:`register`.
     """
     registration = register(repository, what)
     try:
-        yield
+        yield registration.id
     finally:
         registration.close()
 
@@ -142,7 +144,7 @@ def writers_at_work(repository: GraspRepository) -> list[Writer]:
 
 
 def forget_dead_writers(repository: GraspRepository, ignored: frozenset[str] = frozenset()) -> None:
-    """Take back the entries of writers that are surely gone, and of those that are known to be.
+    """Take back the entries and the drafts of writers that are surely gone, and of those that are known to be.
 
     Args:
         repository: The dataset.
@@ -153,9 +155,15 @@ def forget_dead_writers(repository: GraspRepository, ignored: frozenset[str] = f
     """
     folder = repository.side_folder / WRITERS_FOLDER
     if isinstance(repository.path, S3Prefix):
+        alive = set()
         for branch, writer in _branches(repository).items():
             if writer.id in ignored or not is_held(folder / f"{writer.id}.json"):
                 _delete_branch(repository, branch)
+            else:
+                alive.add(writer.id)
+        for draft in _drafts(repository):
+            if draft.removeprefix(DRAFT_PREFIX) not in alive:
+                _delete_branch(repository, draft)
     for file in _files(folder):
         with suppress(OSError):
             remove_abandoned(file)
@@ -196,9 +204,16 @@ def _from_file(file: Path) -> Writer | None:
 
 
 def _branches(repository: GraspRepository) -> dict[str, Writer]:
+    return {name: writer for name in _names(repository) if (writer := _from_branch(name)) is not None}
+
+
+def _drafts(repository: GraspRepository) -> list[str]:
+    return [name for name in _names(repository) if name.startswith(DRAFT_PREFIX)]
+
+
+def _names(repository: GraspRepository) -> list[str]:
     with icechunk_errors(f"cannot list the writers to {repository.path}"):
-        names = sorted(repository.icechunk_repository.list_branches())
-    return {name: writer for name in names if (writer := _from_branch(name)) is not None}
+        return sorted(repository.icechunk_repository.list_branches())
 
 
 def _from_branch(name: str) -> Writer | None:
