@@ -14,6 +14,9 @@ from handsight.datasets.format.schema import SCHEMA_VERSION, SESSIONS
 from handsight.datasets.store.icechunk_engine import icechunk_config, icechunk_errors, storage_at, sync_file_system
 from handsight.datasets.store.releases import LEDGER_BRANCH
 
+FIRST_COMMIT = "create the dataset"
+"""Message of the commit that every dataset begins with."""
+
 
 def is_icechunk_folder(path: Location) -> bool:
     """Whether an Icechunk store, ours or not, is there. Writes nothing."""
@@ -48,7 +51,7 @@ def write_empty(path: Location) -> None:
     transaction = repository.writable_session(DEFAULT_REF)
     attributes = {"schema_version": SCHEMA_VERSION, "dataset_uuid": str(uuid.uuid4()), "created": utc_now()}
     zarr.create_group(transaction.store, attributes=attributes).create_group(SESSIONS)
-    snapshot_id = transaction.commit("create the dataset")
+    snapshot_id = transaction.commit(FIRST_COMMIT)
     repository.create_branch(LEDGER_BRANCH, snapshot_id)
     sync_file_system(path)
 

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
+from shlex import quote
 from typing import Any
 
 import icechunk
@@ -36,7 +37,7 @@ from handsight.datasets.store.icechunk_engine import (
 )
 from handsight.datasets.store.layout import check_schema, is_icechunk_folder, refuse_occupied, write_empty
 from handsight.datasets.store.leftovers import clear_leftovers
-from handsight.datasets.store.refs import create_ref
+from handsight.datasets.store.refs import create_ref, main_is_lost
 from handsight.datasets.store.releases import (
     LEDGER_BRANCH,
     Release,
@@ -119,8 +120,14 @@ class GraspRepository:
             DatasetNotFoundError: Nothing is there.
             NotADatasetError: The path is a file or a folder that is no dataset.
             SchemaError: The dataset was written by a newer handsight.
+            CorruptDataError: The main branch of a local dataset is lost (restoring.py).
         """
         path = location_of(path)
+        if isinstance(path, Path) and main_is_lost(path):
+            raise CorruptDataError(
+                f"the main branch of {path} is gone, damaged, or leads nowhere: 'handsight dataset repair "
+                f"{quote(str(path))} --branch mended' gives it its newest commit again"
+            )
         if not is_icechunk_folder(path):
             raise no_dataset_at(path)
         with icechunk_errors(f"cannot open {path}"):
@@ -317,7 +324,12 @@ class GraspRepository:
             if check is not None:
                 check(self.root(tip))
 
-        what: dict[str, Any] = {"branch": branch, "message": message, "metadata": metadata or {}}
+        # A commit says which branch it was for, should that be lost (restoring.py).
+        what: dict[str, Any] = {
+            "branch": branch,
+            "message": message,
+            "metadata": {**(metadata or {}), "branch": branch},
+        }
         with self.locked(), icechunk_errors(f"cannot commit to {self.path}"):
             if not transaction.has_uncommitted_changes:
                 return self._icechunk.lookup_branch(branch)
