@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from pathlib import Path
 
 from handsight.datasets.address import DEFAULT_REF
 from handsight.datasets.errors import RefNameError, RefNotFoundError
@@ -105,6 +106,9 @@ def _delete(repository: GraspRepository, name: str) -> None:
     with icechunk_errors(f"cannot delete branch {name!r} of {repository.path}"):
         if name in repository.icechunk_repository.list_branches():
             repository.icechunk_repository.delete_branch(name)
+    if isinstance(repository.path, Path):
+        with suppress(OSError):
+            (repository.path / "refs" / f"branch.{name}").rmdir()  # Icechunk leaves the folder.
     sync_file_system(repository.path)
 
 
