@@ -57,12 +57,49 @@ class Fate:
 
 def run_killed(work: Callable[[], int], *, point: int | None = None, after_s: float | None = None) -> Fate:
     """Run ``work`` in a child, and kill it before its change of that number, or after a time, if it gets there."""
+    return _run(work, _Blow(point=point, after_s=after_s))
+
+
+def run_in_child(work: Callable[[], int]) -> Fate:
+    """Run ``work`` in a child that nobody stops."""
+    return _run(work, None)
+
+
+def run_interrupted(work: Callable[[], int], *, point: int, times: int = 1) -> Fate:
+    """As :func:`run_killed`, with Ctrl-C, as a terminal sends it, before that change and each of the next ones."""
+    return _run(work, _Blow(point=point, interrupts=times))
+
+
+@dataclass(slots=True)
+class _Blow:
+    """What a child is dealt, and when."""
+
+    point: int | None = None
+    after_s: float | None = None
+    interrupts: int = 0
+    """How often Ctrl-C is pressed, at one point each; 0 to kill."""
+
+    def falls_at(self, points: int) -> bool:
+        """Whether the child is dealt it at this point."""
+        return self.point is not None and self.point <= points < self.point + max(1, self.interrupts)
+
+    def deal(self, pid: int) -> None:
+        """Send the signal."""
+        if self.interrupts:
+            os.killpg(pid, signal.SIGINT)
+        else:
+            os.kill(pid, signal.SIGKILL)
+
+
+def _run(work: Callable[[], int], blow: _Blow | None) -> Fate:
+    exact = EXACT and blow is not None
     ours, theirs = socket.socketpair()
     began = time.monotonic()
     pid = os.fork()
     if pid == 0:
         ours.close()
-        if EXACT:
+        os.setpgid(0, 0)
+        if exact:
             listener = _install_filter()
             socket.send_fds(theirs, [b"x"], [listener])
             os.close(listener)
@@ -73,17 +110,17 @@ def run_killed(work: Callable[[], int], *, point: int | None = None, after_s: fl
         os._exit(status)
     theirs.close()
     listener = None
-    if EXACT:
+    if exact:
         _, (listener, *_), _, _ = socket.recv_fds(ours, 1, 1)
     try:
-        return _watch(pid, listener, began, point=point, after_s=after_s)
+        return _watch(pid, listener, began, blow or _Blow())
     finally:
         ours.close()
         if listener is not None:
             os.close(listener)
 
 
-def _watch(pid: int, listener: int | None, began: float, *, point: int | None, after_s: float | None) -> Fate:
+def _watch(pid: int, listener: int | None, began: float, blow: _Blow) -> Fate:
     """Answer the family's questions until all of it has ended."""
     child = os.pidfd_open(pid)
     poll, poll_gone = select.poll(), select.poll()
@@ -91,12 +128,12 @@ def _watch(pid: int, listener: int | None, began: float, *, point: int | None, a
         one.register(child, select.POLLIN)
     if listener is not None:
         poll.register(listener, select.POLLIN)
-    points, status, ended_at, outlived = 0, 0, None, False
+    points, status, ended_at, outlived, after_s = 0, 0, None, False, blow.after_s
     try:
         while True:
             now = time.monotonic()
             if ended_at is None and after_s is not None and now - began >= after_s:
-                os.kill(pid, signal.SIGKILL)
+                blow.deal(pid)
                 after_s = None
             if ended_at is not None and now - ended_at > _OUTLIVED_S:
                 outlived = True
@@ -109,11 +146,12 @@ def _watch(pid: int, listener: int | None, began: float, *, point: int | None, a
                     listener = None
                 else:
                     points += 1
-                    if points == point and ended_at is None:
-                        os.kill(pid, signal.SIGKILL)
-                        # Told to go on before it is gone, it would.
-                        poll_gone.poll()
-                        ready[child] = select.POLLIN
+                    if ended_at is None and blow.falls_at(points):
+                        blow.deal(pid)
+                        if not blow.interrupts:
+                            # Told to go on before it is gone, it would.
+                            poll_gone.poll()
+                            ready[child] = select.POLLIN
                     _answer(listener)
             if child in ready and ended_at is None:
                 status = os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])

@@ -34,14 +34,15 @@ if "tests" not in sys.modules:
     sys.modules["tests"].__path__ = [str(ROOT / "tests")]
 
 import numpy as np  # noqa: E402 -- once `tests` is known
-from tests.support.kill_points import run_killed  # noqa: E402
-from tests.support.kills_commands import DOOMED, carry_out, make_all  # noqa: E402
+from tests.support.kill_points import run_interrupted, run_killed  # noqa: E402
+from tests.support.kills_commands import DOOMED, PREPARED, carry_out, make_all  # noqa: E402
 from tests.support.kills_state import OTHERS, State, leftovers, state_of, whole  # noqa: E402
 
 import handsight.cli  # noqa: E402
 import handsight.datasets  # noqa: E402
 import handsight.training  # noqa: E402
 from handsight.cli.app import run  # noqa: E402
+from handsight.cli.interrupts import INTERRUPTED  # noqa: E402
 
 AT_A_MOMENT = 0.2
 """Share of kills at any moment instead of at a change to the file system."""
@@ -85,6 +86,7 @@ class Outcome:
 class Normal:
     """What a command does when nobody kills it."""
 
+    status: int
     before: State
     after: State
     faults: tuple[str, ...]
@@ -115,23 +117,27 @@ class Bench:
         self._forks.stdin.close()
         self._forks.wait()
 
-    def kill(self, command: str, seed: int, index: int, *, keep: bool = False) -> Outcome:
-        """Run a command that is killed, look, run it again, and look again."""
+    def kill(self, command: str, seed: int, index: int, *, interrupts: int = 0, keep: bool = False) -> Outcome:
+        """Run a command that is killed, or interrupted so many times, look, run it again, and look again."""
         normal = self._normal_of(command)
         rng = np.random.default_rng([seed, index])
         point = after_s = None
-        if rng.random() < AT_A_MOMENT:
+        if rng.random() < AT_A_MOMENT and not interrupts:
             after_s = float(rng.uniform(0, normal.elapsed_s))
         else:
             point = int(rng.integers(1, normal.points + 1))
         at = f"change {point} of {normal.points}" if point else f"{after_s:.3f} of {normal.elapsed_s:.3f} s"
         with self._case(command, keep=keep) as case:
-            killed = self._run(command, case, point=point, after_s=after_s)
+            killed = self._run(command, case, point=point, after_s=after_s, interrupts=interrupts)
             lost = self._lost(command, case, normal, killed)
-            done = state_of(case) == normal.after and (not DOOMED[command].product or (case / DOOMED[command].product).exists())
+            if interrupts:
+                lost += _impolite(killed)
+            done = state_of(case) == normal.after and (
+                not DOOMED[command].product or (case / DOOMED[command].product).exists()
+            )
             again = self._run(command, case)
             stuck, left = [], ()
-            if again.status not in ((0, 2) if done else (0,)) or "Traceback" in again.said:
+            if again.status not in ((normal.status, 2) if done else (normal.status,)) or "Traceback" in again.said:
                 stuck.append(f"the next one ended with {again.status}: {again.said[-2000:]}")
             else:
                 if state_of(case) != normal.after:
@@ -145,7 +151,7 @@ class Bench:
         return Outcome(
             index=index,
             command=command,
-            killed=killed.status is None,
+            killed=killed.status in (None, INTERRUPTED),
             at=at,
             lost=tuple(lost),
             stuck=tuple(stuck),
@@ -160,7 +166,7 @@ class Bench:
         if doomed.grows:
             acknowledged = max(killed.acknowledged, default=0)
             faults += now.is_no_part_of(normal.after, since=normal.before, at_least=acknowledged)
-        elif killed.acknowledged and now != normal.after:
+        elif killed.acknowledged not in ((), (INTERRUPTED,)) and now != normal.after:
             faults.append(f"acknowledged, but {now}, expected {normal.after}")
         elif now not in (normal.before, normal.after):
             faults.append(f"{now}, expected {normal.before} or {normal.after}")
@@ -177,9 +183,10 @@ class Bench:
             with self._case(command) as case:
                 before, faults = state_of(case), tuple(whole(case, DOOMED[command].product, made=None))
                 normal = self._run(command, case)
-                assert normal.status == 0, (command, normal)
+                assert normal.status == DOOMED[command].fails, (command, normal)
                 assert not leftovers(case), (command, leftovers(case))
                 self._normal[command] = Normal(
+                    status=normal.status,
                     before=before,
                     after=state_of(case),
                     faults=faults,
@@ -196,6 +203,10 @@ class Bench:
         for name in ("tmp", "cache"):
             (case / name).mkdir(parents=True)
         dataset = DOOMED[command].dataset
+        for one in (dataset, *DOOMED[command].needs):
+            if one in PREPARED and not (self._made / one).exists():
+                made = self._run(one, case)
+                assert made.status == 0, made
         if dataset is not None:
             shutil.copytree(self._made / dataset, case / "grasps")
         try:
@@ -204,8 +215,11 @@ class Bench:
             if not keep:
                 shutil.rmtree(case)
 
-    def _run(self, command: str, case: Path, *, point: int | None = None, after_s: float | None = None) -> Run:
-        asked = {"command": command, "case": str(case), "made": str(self._made), "point": point, "after_s": after_s}
+    def _run(
+        self, command: str, case: Path, *, point: int | None = None, after_s: float | None = None, interrupts: int = 0
+    ) -> Run:
+        asked = {"command": command, "case": str(case), "made": str(self._made)}
+        asked |= {"point": point, "after_s": after_s, "interrupts": interrupts}
         assert self._forks.stdin is not None
         assert self._forks.stdout is not None
         self._forks.stdin.write(json.dumps(asked) + "\n")
@@ -219,10 +233,21 @@ class Bench:
         return Run(acknowledged=numbers, said=words, **fate)
 
 
+def _impolite(interrupted: Run) -> list[str]:
+    """What an interrupted command should not have said or done."""
+    if interrupted.status != INTERRUPTED:
+        return [f"interrupted, it ended with {interrupted.status}: {interrupted.said}"]
+    lines = [line for line in interrupted.said.splitlines() if line != "still putting away what is there"]
+    told = [line for line in lines if line.startswith("interrupted: ")]
+    return [] if len(told) == 1 and lines[-1:] == told else [f"interrupted, it said: {interrupted.said}"]
+
+
 def _files(case: Path, command: str) -> tuple[str, ...]:
     """Names at the top of a case, beside a dataset's own, and in the product."""
     product = case / (DOOMED[command].product or "none")
-    names = [path.name for path in case.iterdir()] + [path.name for path in (case / "tmp").iterdir() if path.name not in OTHERS]
+    names = [path.name for path in case.iterdir()] + [
+        path.name for path in (case / "tmp").iterdir() if path.name not in OTHERS
+    ]
     return tuple(sorted(names + [str(path.relative_to(case)) for path in product.rglob("*")]))
 
 
@@ -242,7 +267,10 @@ def fork_on_demand() -> None:
     for line in sys.stdin:
         asked: dict[str, Any] = json.loads(line)
         work = partial(_work, asked["command"], Path(asked["case"]), Path(asked["made"]))
-        fate = run_killed(work, point=asked["point"], after_s=asked["after_s"])
+        if asked["interrupts"]:
+            fate = run_interrupted(work, point=asked["point"], times=asked["interrupts"])
+        else:
+            fate = run_killed(work, point=asked["point"], after_s=asked["after_s"])
         print(json.dumps(asdict(fate)), file=answers, flush=True)
 
 
@@ -262,7 +290,9 @@ class Table:
     """Counts for each command."""
 
     kills: Counter[str] = field(default_factory=Counter)
-    counts: dict[str, Counter[str]] = field(default_factory=lambda: {"late": Counter(), **{k: Counter() for k in KINDS}})
+    counts: dict[str, Counter[str]] = field(
+        default_factory=lambda: {"late": Counter(), **{k: Counter() for k in KINDS}}
+    )
 
     def add(self, outcome: dict[str, Any]) -> None:
         """Count one."""
@@ -294,6 +324,7 @@ def main() -> int:
     parser.add_argument("--kills", type=int, default=100)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--command", choices=DOOMED, action="append", help="kill this one alone; may be given again")
+    parser.add_argument("--interrupts", type=int, default=0, help="press Ctrl-C so many times instead")
     parser.add_argument("--index", type=int, help="make this kill again, and keep its folder")
     parser.add_argument("--log", type=Path, help="file of outcomes; those that are in it are not made again")
     parser.add_argument("--forks", action="store_true", help=argparse.SUPPRESS)
@@ -302,7 +333,11 @@ def main() -> int:
         fork_on_demand()
         return 0
     commands = options.command or schedule()
-    made = [json.loads(line) for line in options.log.read_text().splitlines()] if options.log and options.log.exists() else []
+    made = (
+        [json.loads(line) for line in options.log.read_text().splitlines()]
+        if options.log and options.log.exists()
+        else []
+    )
     done = {outcome["index"] for outcome in made}
     indices = range(options.kills) if options.index is None else [options.index]
     fast = Path("/dev/shm")
@@ -312,7 +347,13 @@ def main() -> int:
         for index in indices:
             if index in done and options.index is None:
                 continue
-            outcome = bench.kill(commands[index % len(commands)], options.seed, index, keep=options.index is not None)
+            outcome = bench.kill(
+                commands[index % len(commands)],
+                options.seed,
+                index,
+                interrupts=options.interrupts,
+                keep=options.index is not None,
+            )
             made.append(asdict(outcome))
             if not outcome.ok:
                 print(json.dumps(made[-1], indent=1), flush=True)

@@ -18,6 +18,7 @@ from tests.support.factories import make_attempt, make_header, make_station, rec
 from tests.support.foreign_sets import HDF5_MAP, write_hdf5, write_map
 
 from handsight.cli.app import run
+from handsight.cli.interrupts import INTERRUPTS
 from handsight.datasets import (
     Curator,
     GraspDataset,
@@ -37,6 +38,8 @@ AGED_S = 3 * 3600.0
 """How old everything is when a command begins, so that garbage is old enough to be collected."""
 
 NEW = make_header(seed=3, width=64, height=48)
+MANY = 1100
+"""Attempts that are worth a second process."""
 RECORDED = 9
 """Attempts that the program ``record`` records, in commits of two or three."""
 
@@ -55,6 +58,10 @@ class Doomed:
     """Whether it commits as it goes, so that a killed one may have done a part."""
     product: str = ""
     """A file or folder of the case that is there whole or not at all."""
+    needs: tuple[str, ...] = ()
+    """What it works on beside that, see :data:`PREPARED`."""
+    fails: bool = False
+    """Whether it exits with 1, because it finds what is wrong."""
     slow: bool = False
     """Whether it takes seconds, so that the tests leave it out."""
 
@@ -123,7 +130,21 @@ DOOMED: dict[str, Doomed] = {
         grows=True,
         slow=True,
     ),
+    # These write nothing that lasts, but have children and temporary folders.
+    "verify": _dataset("verify", G, "--jobs", "2", dataset="many", slow=True),
+    "doctor": _dataset("doctor", G, "--resimulate", "2", dataset="simulated", slow=True, fails=True),
+    "evaluate": Doomed(
+        words=("evaluate", "--model", "{made}/run", "--trials", "1", "--workers", "2", "--methods", "cem-1"),
+        needs=("run",),
+        slow=True,
+    ),
 }
+
+PREPARED: dict[str, tuple[str, ...]] = {
+    "simulated": ("collect", "sim", "{made}/simulated", "-n", "2", "-w", "1"),
+    "run": ("train", "{made}/grasps", "--out", "{made}/run", "--epochs", "1", "--batch", "4"),
+}
+"""Commands that make what only some commands work on."""
 
 
 def make_all(folder: Path) -> None:
@@ -140,6 +161,13 @@ def make_all(folder: Path) -> None:
     write_hdf5(folder / "mapped" / "set.hdf5")
     write_map(folder / "mapped" / "map.toml", HDF5_MAP)
     shutil.copytree(folder / "grasps", folder / "damaged")
+    many = make_header(seed=5)
+    record(
+        GraspRepository.create(folder / "many"),
+        many,
+        [make_attempt(many, number, outcome=Outcome.ABORTED) for number in range(MANY)],
+        every=MANY,
+    )
     chunks = sorted((folder / "damaged" / "chunks").iterdir(), key=lambda path: path.stat().st_size)
     for chunk in chunks[-2:]:
         chunk.write_bytes(bytes(chunk.stat().st_size))
@@ -191,9 +219,19 @@ def _make_images(folder: Path) -> None:
 
 def carry_out(name: str, case: Path, made: Path, acknowledge: Callable[[int], None]) -> int:
     """Run one command in this process; its exit status."""
+    if name in PREPARED and name not in DOOMED:
+        return main([word.format(made=made) for word in PREPARED[name]])
     doomed = DOOMED[name]
     if doomed.program is not None:
         return doomed.program(case, acknowledge)
-    status = run([word.format(case=case, made=made) for word in doomed.words])
+    status = main([word.format(case=case, made=made) for word in doomed.words])
     acknowledge(status)
+    return status
+
+
+def main(words: list[str]) -> int:
+    """What the executable does; its exit status."""
+    INTERRUPTS.install()
+    status = run(words)
+    INTERRUPTS.end()
     return status
