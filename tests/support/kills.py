@@ -34,15 +34,16 @@ if "tests" not in sys.modules:
     sys.modules["tests"].__path__ = [str(ROOT / "tests")]
 
 import numpy as np  # noqa: E402 -- once `tests` is known
-from tests.support.kill_points import run_interrupted, run_killed  # noqa: E402
+from tests.support.kill_points import run_in_child, run_interrupted, run_killed  # noqa: E402
 from tests.support.kills_commands import DOOMED, PREPARED, carry_out, make_all  # noqa: E402
-from tests.support.kills_state import OTHERS, State, leftovers, state_of, whole  # noqa: E402
+from tests.support.kills_state import DATASETS, OTHERS, State, leftovers, state_of, whole  # noqa: E402
 
 import handsight.cli  # noqa: E402
 import handsight.datasets  # noqa: E402
 import handsight.training  # noqa: E402
 from handsight.cli.app import run  # noqa: E402
 from handsight.cli.interrupts import INTERRUPTED  # noqa: E402
+from handsight.datasets import GraspRepository, collect_garbage  # noqa: E402
 
 AT_A_MOMENT = 0.2
 """Share of kills at any moment instead of at a change to the file system."""
@@ -132,10 +133,13 @@ class Bench:
             lost = self._lost(command, case, normal, killed)
             if interrupts:
                 lost += _impolite(killed)
-            done = state_of(case) == normal.after and (
-                not DOOMED[command].product or (case / DOOMED[command].product).exists()
-            )
-            again = self._run(command, case)
+            product = DOOMED[command].product
+            done = state_of(case) == normal.after and (not product or (case / product).exists())
+            again = self._run(command, case, free=True)
+            if done:
+                # It may have had nothing left to do; the next one that writes is another.
+                for dataset in (case / name for name in DATASETS if (case / name).exists()):
+                    collect_garbage(GraspRepository.open(dataset), dry_run=False)
             stuck, left = [], ()
             if again.status not in ((normal.status, 2) if done else (normal.status,)) or "Traceback" in again.said:
                 stuck.append(f"the next one ended with {again.status}: {again.said[-2000:]}")
@@ -205,7 +209,7 @@ class Bench:
         dataset = DOOMED[command].dataset
         for one in (dataset, *DOOMED[command].needs):
             if one in PREPARED and not (self._made / one).exists():
-                made = self._run(one, case)
+                made = self._run(one, case, free=True)
                 assert made.status == 0, made
         if dataset is not None:
             shutil.copytree(self._made / dataset, case / "grasps")
@@ -216,9 +220,16 @@ class Bench:
                 shutil.rmtree(case)
 
     def _run(
-        self, command: str, case: Path, *, point: int | None = None, after_s: float | None = None, interrupts: int = 0
+        self,
+        command: str,
+        case: Path,
+        *,
+        free: bool = False,
+        point: int | None = None,
+        after_s: float | None = None,
+        interrupts: int = 0,
     ) -> Run:
-        asked = {"command": command, "case": str(case), "made": str(self._made)}
+        asked = {"command": command, "case": str(case), "made": str(self._made), "free": free}
         asked |= {"point": point, "after_s": after_s, "interrupts": interrupts}
         assert self._forks.stdin is not None
         assert self._forks.stdout is not None
@@ -245,10 +256,8 @@ def _impolite(interrupted: Run) -> list[str]:
 def _files(case: Path, command: str) -> tuple[str, ...]:
     """Names at the top of a case, beside a dataset's own, and in the product."""
     product = case / (DOOMED[command].product or "none")
-    names = [path.name for path in case.iterdir()] + [
-        path.name for path in (case / "tmp").iterdir() if path.name not in OTHERS
-    ]
-    return tuple(sorted(names + [str(path.relative_to(case)) for path in product.rglob("*")]))
+    found = [*case.iterdir(), *(case / "tmp").iterdir(), *product.rglob("*")]
+    return tuple(sorted(str(path.relative_to(case)) for path in found if path.name not in OTHERS))
 
 
 def fork_on_demand() -> None:
@@ -267,7 +276,9 @@ def fork_on_demand() -> None:
     for line in sys.stdin:
         asked: dict[str, Any] = json.loads(line)
         work = partial(_work, asked["command"], Path(asked["case"]), Path(asked["made"]))
-        if asked["interrupts"]:
+        if asked["free"]:
+            fate = run_in_child(work)
+        elif asked["interrupts"]:
             fate = run_interrupted(work, point=asked["point"], times=asked["interrupts"])
         else:
             fate = run_killed(work, point=asked["point"], after_s=asked["after_s"])
@@ -290,9 +301,7 @@ class Table:
     """Counts for each command."""
 
     kills: Counter[str] = field(default_factory=Counter)
-    counts: dict[str, Counter[str]] = field(
-        default_factory=lambda: {"late": Counter(), **{k: Counter() for k in KINDS}}
-    )
+    counts: dict[str, Counter[str]] = field(default_factory=lambda: {kind: Counter() for kind in ("late", *KINDS)})
 
     def add(self, outcome: dict[str, Any]) -> None:
         """Count one."""
@@ -323,6 +332,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -P tests/support/kills.py", description=__doc__)
     parser.add_argument("--kills", type=int, default=100)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--first", type=int, default=0, help="index of the first kill")
     parser.add_argument("--command", choices=DOOMED, action="append", help="kill this one alone; may be given again")
     parser.add_argument("--interrupts", type=int, default=0, help="press Ctrl-C so many times instead")
     parser.add_argument("--index", type=int, help="make this kill again, and keep its folder")
@@ -333,13 +343,10 @@ def main() -> int:
         fork_on_demand()
         return 0
     commands = options.command or schedule()
-    made = (
-        [json.loads(line) for line in options.log.read_text().splitlines()]
-        if options.log and options.log.exists()
-        else []
-    )
+    logged = options.log.read_text().splitlines() if options.log and options.log.exists() else []
+    made = [json.loads(line) for line in logged]
     done = {outcome["index"] for outcome in made}
-    indices = range(options.kills) if options.index is None else [options.index]
+    indices = range(options.first, options.first + options.kills) if options.index is None else [options.index]
     fast = Path("/dev/shm")
     folder = Path(tempfile.mkdtemp(prefix="handsight-kills-", dir=fast if fast.is_dir() else None))
     bench = Bench(folder)
