@@ -1,7 +1,7 @@
 """Files and folders that are there whole or not at all: written under another name beside their own, then renamed.
 
-What a killed process was writing stays behind under a name that begins with a dot and is never read. Whoever writes the
-same file or folder next deletes it: a lock beside it (held.py) tells that nobody writes it any more.
+What a killed process was writing stays behind under a name that begins with a dot and is never read. Whoever writes
+beside it next deletes it: a lock beside it (held.py) tells that nobody writes it any more.
 """
 
 from __future__ import annotations
@@ -88,10 +88,9 @@ def is_unfinished(path: Path) -> bool:
 
 @contextmanager
 def _unfinished(parent: Path, stem: str, suffix: str = "") -> Iterator[Path]:
-    """A name that is held for this call, after what was left under names for the same target has been deleted."""
-    prefix = f".{stem}{_UNFINISHED}"
-    clear_abandoned(parent, prefix)
-    unfinished = parent / f"{prefix}{secrets.token_hex(4)}{suffix}"
+    """A name that is held for this call, after what killed processes left in the folder has been deleted."""
+    clear_unfinished(parent)
+    unfinished = parent / f".{stem}{_UNFINISHED}{secrets.token_hex(4)}{suffix}"
     lock = HeldFile(lock_of(unfinished))
     try:
         yield unfinished

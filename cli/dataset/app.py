@@ -146,12 +146,14 @@ COMMANDS = (
         "dataset.integrity:doctor_command",
         "Check a version for what spoils training.",
         ("handsight dataset doctor grasps", "handsight dataset doctor grasps --deep --resimulate 20"),
+        kept="the dataset is as it was; the same call begins anew",
     ),
     LazyCommand(
         "verify",
         "dataset.integrity:verify_command",
         "Compare every stored byte with what was recorded.",
         ("handsight dataset verify grasps -j 4", "handsight dataset verify grasps --all"),
+        kept="the dataset is as it was; the same call begins anew",
     ),
     LazyCommand(
         "repair",

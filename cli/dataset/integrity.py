@@ -29,7 +29,7 @@ from handsight.cli.options import (
 )
 from handsight.cli.output import bold, console, print_json, progress_bar
 from handsight.cli.tables import Column, print_table
-from handsight.datasets.address import S3Prefix
+from handsight.datasets.address import DEFAULT_REF, S3Prefix
 from handsight.datasets.errors import counted
 
 if TYPE_CHECKING:
@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from handsight.datasets.integrity.verify_all import AllReport
     from handsight.datasets.reading.reader import GraspDataset
     from handsight.datasets.store.repository import GraspRepository
+    from handsight.datasets.store.restoring import RestoredRef
     from handsight.datasets.store.writers import Writer
 
 ServoModel = Annotated[
@@ -52,6 +53,7 @@ IgnoreWriter = Annotated[
 ]
 _EXAMPLES = 3
 """Attempts that are shown for each finding; --json has them all."""
+_NOTHING_REPAIRED: dict[str, object] = {"branch": None, "snapshot": None, "simulated": [], "lost": []}
 _AGE = re.compile(r"([0-9]+)([smhdw])")
 _EARLIEST = datetime(1970, 1, 1, tzinfo=UTC)
 _UNITS = {"s": "seconds", "m": "minutes", "h": "hours", "d": "days", "w": "weeks"}
@@ -161,19 +163,21 @@ def repair_command(
     dry_run: DryRun = False,
     as_json: Json = False,
 ) -> None:
-    """Replace damaged attempts on a new branch: simulated again, or else set aside."""
+    """Give lost releases and branches back, and replace damaged attempts on a new branch: simulated, or set aside."""
+    restored = _restored_refs(dataset, dry_run=dry_run, quiet=as_json)
+    if dry_run and any(one.name == DEFAULT_REF for one in restored):
+        # Nothing can be opened before it is back.
+        if as_json:
+            print_json(_NOTHING_REPAIRED | _refs_as_json(restored, ()))
+        return
     opened = open_version(dataset)
     from handsight.datasets.integrity.repair import repair  # a second; see above
-    from handsight.datasets.store.agreement import restore_releases
 
-    restored = () if dry_run else restore_releases(opened.repository)
-    if restored and not as_json:
-        console.print(f"gave {', '.join(restored)} back what was released under the name")
     report = _verified(opened, 0)
-    refs = {"restored": restored, "lost_refs": report.lost_refs}
+    refs = _refs_as_json(restored, report.lost_refs)
     if not report.faults and not report.damage:
         if as_json:
-            print_json({"branch": None, "snapshot": None, "simulated": [], "lost": [], **refs})
+            print_json(_NOTHING_REPAIRED | refs)
             return
         _print_lost_refs(report)
         console.print(f"nothing is damaged in {counted(report.checked, 'attempt')}: no branch was made")
@@ -190,6 +194,26 @@ def repair_command(
         "" if dry_run else f" ({done.snapshot})",
         f": {simulated} brought back by simulation, {len(done.lost)} lost and excluded",
     )
+
+
+def _restored_refs(dataset: str, *, dry_run: bool, quiet: bool) -> tuple[RestoredRef, ...]:
+    """What lost releases and branches of a dataset are given, or would be; said, unless it is to be quiet."""
+    address = checked_address(dataset)
+    from handsight.datasets.store.repository import GraspRepository  # a second; see above
+    from handsight.datasets.store.restoring import restore_main, restore_refs
+
+    restored = restore_main(address.path, dry_run=dry_run) if isinstance(address.path, Path) else ()
+    if not (restored and dry_run):
+        restored += restore_refs(GraspRepository.open(address.path), dry_run=dry_run)
+    for one in restored if not quiet else ():
+        name = "the list of releases" if one.kind == "ledger" else f"{one.kind} {one.name}"
+        done = "would lead to" if dry_run else "leads again to"
+        console.print(f"{name} {done} {one.snapshot_id}: {one.source}")
+    return restored
+
+
+def _refs_as_json(restored: Sequence[RestoredRef], lost: Sequence[str]) -> dict[str, object]:
+    return {"restored": [one.name for one in restored], "restored_refs": restored, "lost_refs": lost}
 
 
 def gc(

@@ -16,7 +16,6 @@ from handsight.datasets.format.upgrades import columns_since, current_attributes
 from handsight.datasets.store.branches import check_new_branch, new_branch
 from handsight.datasets.store.icechunk_engine import icechunk_errors
 from handsight.datasets.store.repository import GraspRepository
-from handsight.datasets.store.writers import at_work
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,8 +49,8 @@ def migrate(
     if dry_run:
         check_new_branch(repository, branch)
         return _migration(branch, None, before, len(list(group_at(version, SESSIONS).groups())))
-    with at_work(repository, f"migrate to {branch}"), new_branch(repository, branch, ref):
-        transaction = repository.writable(branch)
+    with new_branch(repository, branch, ref, what=f"migrate to {branch}") as draft:
+        transaction = repository.writable(draft)
         with icechunk_errors(f"cannot migrate {repository.path}"):
             root = zarr.open_group(transaction.store, mode="r+")
             sessions = [session for _, session in group_at(root, SESSIONS).groups()]
@@ -59,7 +58,7 @@ def migrate(
                 _upgrade(session, before)
             root.update_attributes({"schema_version": SCHEMA_VERSION})
         message = f"migrate {ref} from schema {before} to {SCHEMA_VERSION}"
-        snapshot = repository.commit(transaction, branch=branch, message=message)
+        snapshot = repository.commit(transaction, branch=draft, message=message)
     return _migration(branch, snapshot, before, len(sessions))
 
 

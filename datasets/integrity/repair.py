@@ -3,7 +3,7 @@
 The damaged version stays as it is. On the new branch every corrupt attempt is replaced: by the same attempt
 simulated again, where that is possible and its digest is the one recorded, which proves it; else by a record that
 says only that it was damaged, without pictures or label, and that is excluded with the reason. The branch can then be
-read from end to end, verified and trained on.
+read from end to end, verified and trained on. It gets its name last, so one that is there is repaired.
 """
 
 from __future__ import annotations
@@ -26,7 +26,6 @@ from handsight.datasets.reading.selection import Selection
 from handsight.datasets.records import PHASES, GraspAttempt, GripperReadings, Outcome, SessionHeader
 from handsight.datasets.store.branches import check_new_branch, new_branch
 from handsight.datasets.store.repository import GraspRepository
-from handsight.datasets.store.writers import at_work
 from handsight.datasets.writing.batches import PreparedAttempt, chunk_start, column_paths, prepare
 from handsight.datasets.writing.change import change_branch
 
@@ -86,7 +85,7 @@ def repair(
         back = [one for one in report.corrupt if _simulated(dataset, one, resimulate) is not None]
         gone = tuple(one for one in report.corrupt if one not in back)
         return RepairReport(branch=branch, snapshot=None, simulated=tuple(back), lost=gone)
-    with at_work(repository, f"repair to {branch}"), new_branch(repository, branch, dataset.snapshot_id):
+    with new_branch(repository, branch, dataset.snapshot_id, what=f"repair to {branch}") as draft:
         found = {attempt: _simulated(dataset, attempt, resimulate) for attempt in report.corrupt}
         simulated = {attempt: one for attempt, one in found.items() if one is not None}
         lost = {
@@ -102,8 +101,8 @@ def repair(
             count = counted(len(report.corrupt), "damaged attempt")
             return (f"replace {count}" if report.corrupt else None), None
 
-        change_branch(repository, branch, change)
-        _exclude(repository, branch, author, {attempt: report.faults[attempt] for attempt in lost})
+        change_branch(repository, draft, change)
+        _exclude(repository, draft, author, {attempt: report.faults[attempt] for attempt in lost})
     tip = repository.resolve(branch)
     return RepairReport(branch=branch, snapshot=tip, simulated=tuple(simulated), lost=tuple(lost))
 

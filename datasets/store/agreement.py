@@ -11,12 +11,18 @@ from dataclasses import dataclass
 
 import icechunk
 
-from handsight.datasets.address import S3Prefix
+from handsight.datasets.address import DEFAULT_REF
 from handsight.datasets.errors import CorruptDataError, headline, pasteable
 from handsight.datasets.machine import of_the_machine
 from handsight.datasets.store.icechunk_engine import icechunk_errors
-from handsight.datasets.store.refs import is_deleted_tag, restore_tag
-from handsight.datasets.store.releases import confirmed_releases, is_registration, known_branches
+from handsight.datasets.store.refs import is_deleted_tag
+from handsight.datasets.store.releases import (
+    DRAFT_PREFIX,
+    LEDGER_BRANCH,
+    confirmed_releases,
+    is_registration,
+    known_branches,
+)
 from handsight.datasets.store.repository import GraspRepository
 
 
@@ -25,7 +31,7 @@ class LostRef:
     """A release or a branch that is not what the ledger says."""
 
     kind: str
-    """``release`` or ``branch``."""
+    """``release``, ``branch`` or ``ledger``."""
     name: str
     snapshot_id: str | None
     """What was released, or where the branch began; None where the ledger does not know."""
@@ -36,9 +42,18 @@ class LostRef:
 def lost_refs(repository: GraspRepository) -> list[LostRef]:
     """Releases and branches that the ledger knows and that are gone, damaged, or lead elsewhere.
 
+    Without the ledger nothing is known of the others, so that it is the only one then.
+
     Raises:
-        CorruptDataError, StorageError: The ledger itself cannot be read.
+        CorruptDataError, StorageError: What the ledger holds cannot be read.
     """
+    engine = repository.icechunk_repository
+    with icechunk_errors(f"cannot list the branches of {repository.path}"):
+        listed = LEDGER_BRANCH in engine.list_branches()
+    wrong = _what_is_wrong(repository, engine.lookup_branch, LEDGER_BRANCH, listed=listed, expected=None)
+    if wrong:
+        fault = f"the list of releases of {repository.path} {wrong}: 'handsight dataset repair' gives it back"
+        return [LostRef(kind="ledger", name=LEDGER_BRANCH, snapshot_id=None, fault=fault)]
     return [*_lost_releases(repository), *_lost_branches(repository)]
 
 
@@ -53,24 +68,6 @@ def refuse_lost_refs(repository: GraspRepository, action: str) -> None:
         raise CorruptDataError(f"{action} is refused: {'; '.join(one.fault for one in lost)}")
 
 
-def restore_releases(repository: GraspRepository) -> tuple[str, ...]:
-    """Give the releases of a local dataset that are lost their snapshots again, and return their names.
-
-    Raises:
-        CorruptDataError, StorageError: The ledger cannot be read, or the disk not be written.
-    """
-    path = repository.path
-    if isinstance(path, S3Prefix):
-        return ()
-    restored = []
-    with repository.locked():
-        for one in _lost_releases(repository):
-            if one.snapshot_id is not None and repository.has_snapshot(one.snapshot_id):
-                restore_tag(path, one.name, one.snapshot_id)
-                restored.append(one.name)
-    return tuple(restored)
-
-
 def _lost_releases(repository: GraspRepository) -> Iterator[LostRef]:
     path = repository.path
     engine = repository.icechunk_repository
@@ -79,10 +76,8 @@ def _lost_releases(repository: GraspRepository) -> Iterator[LostRef]:
     released = confirmed_releases(repository.ledger())
     for name in sorted({*tags, *released}):
         expected = released.get(name)
-        if name in released and not isinstance(path, S3Prefix) and is_deleted_tag(path, name):
-            continue
         wrong = _what_is_wrong(repository, engine.lookup_tag, name, listed=name in tags, expected=expected)
-        if not wrong:
+        if not wrong or (name in released and is_deleted_tag(path, name)):
             continue
         remedy = f"put refs/tag.{name} back from a copy"
         if expected is not None and repository.has_snapshot(expected):
@@ -96,17 +91,16 @@ def _lost_branches(repository: GraspRepository) -> Iterator[LostRef]:
     path = repository.path
     engine = repository.icechunk_repository
     with icechunk_errors(f"cannot list the branches of {path}"):
-        present = engine.list_branches()
+        present = {one for one in engine.list_branches() if one != LEDGER_BRANCH and not one.startswith(DRAFT_PREFIX)}
     known = known_branches(repository.ledger())
-    for name in sorted({*present, *known}):
+    for name in sorted({DEFAULT_REF, *present, *known}):
         if is_registration(name):  # It comes and goes without the ledger.
             continue
         wrong = _what_is_wrong(repository, engine.lookup_branch, name, listed=name in present, expected=None)
         if not wrong:
             continue
         began = known.get(name)
-        remedy = f"put refs/branch.{name} back from a copy" + ("" if began is None else f"; it began at {began}")
-        fault = f"branch {name!r} of {path} {wrong}: {remedy}"
+        fault = f"branch {name!r} of {path} {wrong}: 'handsight dataset repair' gives it its newest commit again"
         yield LostRef(kind="branch", name=name, snapshot_id=began, fault=fault)
 
 

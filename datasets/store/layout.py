@@ -15,6 +15,9 @@ from handsight.datasets.store.icechunk_engine import icechunk_config, open_store
 from handsight.datasets.store.releases import LEDGER_BRANCH
 from handsight.datasets.writable import link_fault
 
+FIRST_COMMIT = "create the dataset"
+"""Message of the commit that every dataset begins with."""
+
 
 def refuse_occupied(path: Location) -> None:
     """Refuse a location where a new dataset cannot be made.
@@ -42,7 +45,7 @@ def write_empty(path: Location) -> None:
     transaction = repository.writable_session(DEFAULT_REF)
     attributes = {"schema_version": SCHEMA_VERSION, "dataset_uuid": str(uuid.uuid4()), "created": utc_now()}
     zarr.create_group(transaction.store, attributes=attributes).create_group(SESSIONS)
-    snapshot_id = transaction.commit("create the dataset")
+    snapshot_id = transaction.commit(FIRST_COMMIT)
     repository.create_branch(LEDGER_BRANCH, snapshot_id)
     sync_file_system(path)
 

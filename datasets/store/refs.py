@@ -17,10 +17,12 @@ from typing import Literal
 
 import icechunk
 
-from handsight.datasets.address import Location, S3Prefix
+from handsight.datasets.address import DEFAULT_REF, Location, S3Prefix
 from handsight.datasets.atomic import atomic_file, atomic_folder, sync
 from handsight.datasets.errors import RefNameError, StorageError
 from handsight.datasets.store.files import stored_files
+from handsight.datasets.store.object_files import names_in, write_object
+from handsight.datasets.store.releases import LEDGER_BRANCH
 
 _FILE = "ref.json"
 _TOMBSTONE = "ref.json.deleted"
@@ -57,22 +59,43 @@ def move_branch(path: Path, name: str, snapshot_id: str) -> None:
         _write(unfinished, snapshot_id)
 
 
-def restore_tag(path: Path, name: str, snapshot_id: str) -> None:
-    """Let a tag of a local dataset, lost or damaged, point again to the snapshot that was released under its name.
+def restore_ref(path: Location, kind: Kind, name: str, snapshot_id: str) -> None:
+    """Let a branch or a tag that is lost or damaged point to a snapshot again; durable when this returns.
 
     Raises:
-        StorageError: The disk is full or not writable.
+        StorageError: The disk is full or not writable, or the bucket not within reach.
     """
-    folder = path / "refs" / f"tag.{name}"
+    if isinstance(path, S3Prefix):
+        write_object(path, f"refs/{kind}.{name}/{_FILE}", _content(snapshot_id).encode())
+        return
+    folder = path / "refs" / f"{kind}.{name}"
     with _disk_errors(folder):
         folder.mkdir(exist_ok=True)
         with atomic_file(folder / _FILE, durable=True) as unfinished:
             _write(unfinished, snapshot_id)
 
 
-def is_deleted_tag(path: Path, name: str) -> bool:
-    """Whether a tag of a local dataset was deleted on purpose, of which Icechunk keeps a tombstone."""
-    return (path / "refs" / f"tag.{name}" / _TOMBSTONE).exists()
+def is_deleted_tag(path: Location, name: str) -> bool:
+    """Whether a tag was deleted on purpose, of which Icechunk keeps a tombstone."""
+    return _TOMBSTONE in names_in(path, f"refs/tag.{name}")
+
+
+def read_branch(path: Path, name: str) -> str | None:
+    """The snapshot id that a branch of a local dataset says it leads to; None where it says nothing sound."""
+    try:
+        said = json.loads((path / "refs" / f"branch.{name}" / _FILE).read_bytes())
+    except (OSError, ValueError):
+        return None
+    found = said.get("snapshot") if isinstance(said, dict) else None
+    return found if isinstance(found, str) else None
+
+
+def main_is_lost(path: Path) -> bool:
+    """Whether a folder holds a dataset whose main branch is gone, damaged, or leads nowhere."""
+    if read_branch(path, LEDGER_BRANCH) is None:
+        return False
+    tip = read_branch(path, DEFAULT_REF)
+    return tip is None or not (path / "snapshots" / tip).is_file()
 
 
 def create_ref(repository: icechunk.Repository, path: Location, kind: Kind, name: str, snapshot_id: str) -> None:
@@ -108,7 +131,11 @@ def create_ref(repository: icechunk.Repository, path: Location, kind: Kind, name
 
 
 def _write(file: Path, snapshot_id: str) -> None:
-    file.write_text(json.dumps({"snapshot": snapshot_id}, separators=(",", ":")), encoding="utf-8")
+    file.write_text(_content(snapshot_id), encoding="utf-8")
+
+
+def _content(snapshot_id: str) -> str:
+    return json.dumps({"snapshot": snapshot_id}, separators=(",", ":"))
 
 
 @contextmanager

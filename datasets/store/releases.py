@@ -24,6 +24,9 @@ WRITER_PREFIX = "handsight.writer."
 READER_PREFIX = "handsight.reader."
 """Branches that tell who writes to a bucket or reads from it begin so (writers.py); they are not shown either."""
 
+DRAFT_PREFIX = "handsight.draft."
+"""Branches that get their name once the work on them is done begin so, before the id of the writer (branches.py)."""
+
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
 _SNAPSHOT_ID = re.compile(r"[0-9A-HJKMNP-TV-Z]{20}")
 _LEDGER_KEY = "releases"
@@ -48,7 +51,7 @@ def is_snapshot_id(text: str) -> bool:
 
 def is_internal(branch: str) -> bool:
     """Whether a branch is handsight's own and no version of the dataset."""
-    return branch == LEDGER_BRANCH or is_registration(branch)
+    return branch == LEDGER_BRANCH or branch.startswith(DRAFT_PREFIX) or is_registration(branch)
 
 
 def is_registration(branch: str) -> bool:

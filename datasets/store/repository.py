@@ -36,6 +36,7 @@ from handsight.datasets.errors import (
     SessionConflictError,
     StorageError,
     headline,
+    pasteable,
 )
 from handsight.datasets.machine import of_the_machine
 from handsight.datasets.store.icechunk_engine import (
@@ -49,7 +50,7 @@ from handsight.datasets.store.icechunk_engine import (
 from handsight.datasets.store.layout import check_schema, refuse_occupied, write_empty
 from handsight.datasets.store.leftovers import clear_leftovers
 from handsight.datasets.store.lookup import branch_of, version_named, version_names
-from handsight.datasets.store.refs import create_ref
+from handsight.datasets.store.refs import create_ref, main_is_lost
 from handsight.datasets.store.releases import (
     LEDGER_BRANCH,
     Release,
@@ -137,10 +138,17 @@ class GraspRepository:
             DatasetNotFoundError: Nothing is there.
             NotADatasetError: The path is a file or a folder that is no dataset.
             SchemaError: The dataset was written by a newer handsight.
-            CorruptDataError: Icechunk cannot begin with it: its configuration or a branch's name is damaged.
+            CorruptDataError: Icechunk cannot begin with it: its configuration or a branch's name is damaged; or the
+                main branch of a local dataset is lost (restoring.py).
             StorageError: The machine cannot read.
         """
         path = location_of(path)
+        if isinstance(path, Path) and main_is_lost(path):
+            raise CorruptDataError(
+                f"the main branch of {path} is gone, damaged, or leads nowhere: "
+                f"{pasteable('handsight', 'dataset', 'repair', path, '--branch', 'mended')} gives it its newest commit "
+                "again"
+            )
         opened = open_store(path)
         if opened is None:
             raise no_dataset_at(path)
@@ -332,9 +340,12 @@ class GraspRepository:
             if check is not None:
                 check(self.root(tip))
 
-        # A branch's name stands in its commits as well, so that two branches whose files changed places are noticed.
-        noted = {**(metadata or {}), "branch": branch}
-        what: dict[str, Any] = {"branch": branch, "message": message, "metadata": noted}
+        # A commit says which branch it was for, should that be lost (restoring.py) or change places with another.
+        what: dict[str, Any] = {
+            "branch": branch,
+            "message": message,
+            "metadata": {**(metadata or {}), "branch": branch},
+        }
         with self.locked(), icechunk_errors(f"cannot commit to {self.path}"):
             if not transaction.has_uncommitted_changes:
                 return self._icechunk.lookup_branch(branch)

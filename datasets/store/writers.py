@@ -35,7 +35,7 @@ from handsight.datasets.held import HeldFile, is_held, remove_abandoned
 from handsight.datasets.store.icechunk_engine import icechunk_errors, is_missing_ref
 from handsight.datasets.store.leftovers import WRITERS_FOLDER
 from handsight.datasets.store.refs import ref_names
-from handsight.datasets.store.releases import READER_PREFIX, WRITER_PREFIX
+from handsight.datasets.store.releases import DRAFT_PREFIX, READER_PREFIX, WRITER_PREFIX
 from handsight.datasets.store.repository import GraspRepository
 from handsight.datasets.writable import refuse_unwritable
 
@@ -123,15 +123,17 @@ def register_reader(repository: GraspRepository, snapshot_id: str, what: str) ->
 
 
 @contextmanager
-def at_work(repository: GraspRepository, what: str) -> Iterator[None]:
+def at_work(repository: GraspRepository, what: str) -> Iterator[str]:
     """While the block runs, what it writes is kept by whoever collects garbage or expires commits.
+
+    The block is told the id of its entry.
 
     Raises:
         DatasetBusyError, StorageError: As for :func:`register`.
     """
     registration = register(repository, what)
     try:
-        yield
+        yield registration.id
     finally:
         registration.close()
 
@@ -164,7 +166,7 @@ def writers_at_work(repository: GraspRepository) -> list[Writer]:
 
 
 def forget_dead_writers(repository: GraspRepository, ignored: frozenset[str] = frozenset()) -> None:
-    """Take back the entries of writers that are surely gone, and of those that are known to be.
+    """Take back the entries and the drafts of writers that are surely gone, and of those that are known to be.
 
     Args:
         repository: The dataset.
@@ -175,9 +177,15 @@ def forget_dead_writers(repository: GraspRepository, ignored: frozenset[str] = f
     """
     folder = repository.side_folder / WRITERS_FOLDER
     if isinstance(repository.path, S3Prefix):
+        alive = set()
         for branch, writer in _branches(repository).items():
             if writer.id in ignored or not is_held(folder / f"{writer.id}.json"):
                 _delete_branch(repository, branch)
+            else:
+                alive.add(writer.id)
+        for draft in _drafts(repository):
+            if draft.removeprefix(DRAFT_PREFIX) not in alive:
+                _delete_branch(repository, draft)
     for file in _files(folder):
         with suppress(OSError):
             remove_abandoned(file)
@@ -241,8 +249,15 @@ def _from_file(file: Path) -> Writer | None:
 
 
 def _branches(repository: GraspRepository) -> dict[str, Writer]:
-    _, names = ref_names(repository.path)
-    return {name: writer for name in names if (writer := _from_branch(name)) is not None}
+    return {name: writer for name in _names(repository) if (writer := _from_branch(name)) is not None}
+
+
+def _drafts(repository: GraspRepository) -> list[str]:
+    return [name for name in _names(repository) if name.startswith(DRAFT_PREFIX)]
+
+
+def _names(repository: GraspRepository) -> list[str]:
+    return ref_names(repository.path)[1]
 
 
 def _from_branch(name: str) -> Writer | None:

@@ -20,9 +20,10 @@ from handsight.datasets import (
     expire,
     verify,
 )
-from handsight.datasets.store.agreement import lost_refs, restore_releases
+from handsight.datasets.store.agreement import lost_refs
 from handsight.datasets.store.refs import create_ref
 from handsight.datasets.store.releases import Release, add_to_ledger
+from handsight.datasets.store.restoring import restore_refs
 
 
 def _flip(file: Path) -> None:
@@ -65,7 +66,7 @@ def test_a_lost_release_is_missed_kept_and_put_back(repository: GraspRepository,
     with pytest.raises(CorruptDataError, match="expiring commits is refused"):
         expire(reopened, datetime.now(UTC), dry_run=True)
 
-    assert restore_releases(reopened) == ("v1",)
+    assert [one.name for one in restore_refs(reopened)] == ["v1"]
     assert lost(repository) == []
     assert GraspRepository.open(repository.path).resolve("v1") == released
 

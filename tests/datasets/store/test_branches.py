@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import sys
+from subprocess import PIPE, Popen
+
 import pytest
 from tests.support.versions import grow, opened
 
@@ -65,3 +68,30 @@ def test_the_default_branch_and_what_does_not_exist_are_not_deleted(repository: 
     for name in ("dev", "handsight.releases"):
         with pytest.raises(RefNotFoundError, match=f"no branch '{name}'"):
             delete_branch(repository, name)
+
+
+DRAFTING = """
+import sys
+from handsight.datasets import GraspRepository
+from handsight.datasets.store.branches import new_branch
+with new_branch(GraspRepository.open(sys.argv[1]), "mended", "main", what="try") as draft:
+    print(draft, flush=True)
+    sys.stdin.read()
+"""
+
+
+def test_a_branch_that_is_killed_before_it_is_done_has_no_name_and_goes(repository: GraspRepository) -> None:
+    drafts = repository.folder / "refs"
+    with Popen([sys.executable, "-P", "-c", DRAFTING, str(repository.path)], stdin=PIPE, stdout=PIPE, text=True) as one:
+        assert one.stdout is not None
+        draft = one.stdout.readline().strip()
+        assert (drafts / f"branch.{draft}").is_dir()
+        # Another command, such as this one, leaves alone what somebody works at.
+        create_branch(GraspRepository.open(repository.path), "other")
+        assert (drafts / f"branch.{draft}").is_dir()
+        assert list(repository.branches()) == ["main", "other"]
+        one.kill()
+    create_branch(GraspRepository.open(repository.path), "mended")
+    assert not list(drafts.glob("*draft*"))
+    assert list(repository.branches()) == ["main", "mended", "other"]
+    assert not list((repository.side_folder / "writers").iterdir())
