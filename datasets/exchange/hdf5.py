@@ -49,7 +49,7 @@ from handsight.datasets.exchange.hdf5_edits import edits_of
 from handsight.datasets.exchange.hdf5_file import new_hdf5_file
 from handsight.datasets.exchange.hdf5_probe import refuse_unreadable
 from handsight.datasets.exchange.sources import SessionSource, checked_source, stored_sources
-from handsight.datasets.format.arrays import array_at, group_at, read_rows
+from handsight.datasets.format.arrays import array_at, group_at, read_range
 from handsight.datasets.format.rows import frame_of, from_row
 from handsight.datasets.format.schema import COLUMNS, SESSIONS, VIEWPOINTS, Viewpoint, attempt_id, column_widths
 from handsight.datasets.format.upgrades import columns_of, current_attributes, empty_columns
@@ -142,7 +142,7 @@ def _write_session(file: h5py.File, source: SessionSource, attempts: zarr.Group,
     group.attrs["first_demo"] = first_demo
     group["attributes"] = json.dumps(source.attributes)
     for column in COLUMNS:
-        values = read_rows(array_at(attempts, column.name), 0, source.size)
+        values = read_range(array_at(attempts, column.name), 0, source.size)
         group.create_dataset(f"columns/{column.name}", data=values, **(_PACKING if values.size else {}))
 
 

@@ -36,7 +36,7 @@ from handsight.cli.errors import EXPECTED  # noqa: E402
 
 LIMIT_S = 5.0
 LIMIT_BYTES = 10**9
-WORDS = ("options", "where", "refs")
+WORDS = ("options", "where", "refs", "environment")
 """Parsers of words, of which good ones are tried by the tests of each command."""
 OUTCOMES = ("accepted", "refused", "traceback", "over 5 s", "over 1 GB", "crashed")
 
@@ -119,6 +119,8 @@ def sweep(name: str, seed: int, inputs: int, first: int = 0) -> tuple[Counter[st
             assert running.stdout is not None
             index = _follow(running.stdout, name, seed, index, counts, findings)
             running.kill()
+    if counts.total() != inputs:
+        findings.append(f"{name} seed {seed}: {counts.total()} of {inputs} inputs were tried")
     return counts, findings
 
 
@@ -167,10 +169,10 @@ def main() -> int:
             print("exit status", Workbench(options.parser, Path(folder)).attempt(options.seed, options.index))
         return 0
     bad = 0
-    print(f"{'parser':<12}{'inputs':>8}" + "".join(f"{outcome:>11}" for outcome in OUTCOMES), flush=True)
+    print(f"{'parser':<13}{'inputs':>8}" + "".join(f"{outcome:>11}" for outcome in OUTCOMES), flush=True)
     for name in PARSERS if options.parser == "all" else [options.parser]:
         counts, findings = sweep(name, options.seed, options.inputs)
-        print(f"{name:<12}{sum(counts.values()):>8}" + "".join(f"{counts[outcome]:>11}" for outcome in OUTCOMES))
+        print(f"{name:<13}{sum(counts.values()):>8}" + "".join(f"{counts[outcome]:>11}" for outcome in OUTCOMES))
         print("".join(f"  {finding}\n" for finding in findings), end="", flush=True)
         bad += len(findings)
     return int(bad > 0)
