@@ -25,6 +25,7 @@ from handsight.datasets.exchange.bundle import (
     refuse_linked,
     schema_of_origin,
 )
+from handsight.datasets.exchange.foreign import NOT_UNDERSTOOD, guarded
 from handsight.datasets.exchange.lerobot_edits import Recorded, edits_of
 from handsight.datasets.exchange.lerobot_layout import (
     EPISODES_PER_FILE,
@@ -45,8 +46,8 @@ from handsight.datasets.format.typed import shown
 from handsight.datasets.format.upgrades import columns_of, current_attributes, empty_columns
 from handsight.datasets.records import GraspAttempt, RgbdFrame, StationSpec
 
-_UNPACKING = (zlib.error, EOFError, RuntimeError)
-"""What ``zipfile`` raises besides, of damaged bytes and of encrypted ones."""
+_UNPACKING = (zipfile.BadZipFile, zlib.error, EOFError)
+"""What ``zipfile`` raises besides, of damaged bytes."""
 
 _HEADERS = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
 
@@ -77,14 +78,14 @@ def open_bundle(path: Path) -> Iterator[Bundle]:
         edits = edits_of(path, [recorded for _, recorded in read])
     except (InterchangeError, CorruptDataError):
         raise
-    except (OSError, KeyError, ValueError, TypeError, AttributeError, zipfile.BadZipFile, *_UNPACKING) as error:
+    except (*NOT_UNDERSTOOD, *_UNPACKING) as error:
         reason = f"{type(error).__name__}: {headline(error)}"
         raise InterchangeError(
             f"{path} lacks what handsight exports beside LeRobot's own files ({reason}): "
             "a LeRobotDataset of another origin does not say what its label is or where its camera was: describe it in "
             "a map and import it with --map map.toml, or make a table of its pictures (both in docs/datasets.md)"
         ) from error
-    yield Bundle(sessions=sessions, decisions=decisions, edits=edits)
+    yield Bundle(sessions=guarded(sessions, path), decisions=decisions, edits=edits)
 
 
 def _session(path: Path, ulid: str, schema: int, rows: int) -> tuple[SessionSource, Recorded]:

@@ -139,7 +139,7 @@ def targets_in_catalogue(info: SessionInfo | None, columns: Columns) -> NDArray[
 
 def _refuse_unnamed(info: SessionInfo | None, columns: Columns, unnamed: NDArray[np.bool_]) -> None:
     """Refuse objects without an index, which in Python would mean the last one of the catalogue."""
-    rows = np.flatnonzero(unnamed.reshape(len(unnamed), -1).any(axis=1))
+    rows = np.flatnonzero(unnamed.any(axis=tuple(range(1, unnamed.ndim))))
     if info is not None and len(rows):
         number, indices = int(columns["number"][rows[0]]), columns["catalogue_index"][rows[0]]
         raise impossible(info.ulid, number, "catalogue_index", indices, "an index for every object of the scene")

@@ -21,7 +21,7 @@ from handsight.datasets.records import Outcome
 
 _COLUMNS = {column.name: column for column in COLUMNS}
 _REMEDY = (
-    "restore the dataset from a copy, or exclude what 'handsight dataset verify' finds with 'handsight dataset repair'"
+    "'handsight dataset verify' finds all such attempts, and 'handsight dataset repair' replaces them on a new branch"
 )
 
 Bounds = tuple[int, int]
@@ -78,7 +78,7 @@ def _strange(
         wrong, expected = (values < least) | (values > most), f"{least} to {most}"
     else:
         return None
-    rows = np.flatnonzero(wrong.reshape(len(values), -1).any(axis=1))
+    rows = np.flatnonzero(wrong.any(axis=tuple(range(1, wrong.ndim))))
     return (int(rows[0]), expected) if len(rows) else None
 
 

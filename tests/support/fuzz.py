@@ -152,11 +152,19 @@ def _follow(lines: IO[bytes], name: str, seed: int, index: int, counts: Counter[
                 return index
 
 
+def _grouped(findings: list[str]) -> list[str]:
+    """The first finding of each kind, and how many more there are."""
+    kinds: dict[str, list[str]] = {}
+    for finding in findings:
+        kinds.setdefault(finding.partition(": ")[2], []).append(finding)
+    return [alike[0] + f" (and {len(alike) - 1} more)" * (len(alike) > 1) for alike in kinds.values()]
+
+
 def main() -> int:
     """Print a table of what became of the inputs; exit status 1 where something did that should not."""
     parser = argparse.ArgumentParser(prog="python -P tests/support/fuzz.py", description=__doc__)
     parser.add_argument("--parser", choices=[*PARSERS, "all"], default="all")
-    parser.add_argument("--inputs", type=int, default=200)
+    parser.add_argument("--inputs", type=int, default=200, help="of every parser; with all, fewer of the slow ones")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--index", type=int, help="try this one again, and show its traceback")
     parser.add_argument("--child", action="store_true", help=argparse.SUPPRESS)
@@ -170,11 +178,15 @@ def main() -> int:
         return 0
     bad = 0
     print(f"{'parser':<13}{'inputs':>8}" + "".join(f"{outcome:>11}" for outcome in OUTCOMES), flush=True)
+    total = 0
     for name in PARSERS if options.parser == "all" else [options.parser]:
-        counts, findings = sweep(name, options.seed, options.inputs)
+        inputs = PARSERS[name].share_of(options.inputs) if options.parser == "all" else options.inputs
+        counts, findings = sweep(name, options.seed, inputs)
+        total += counts.total()
         print(f"{name:<13}{sum(counts.values()):>8}" + "".join(f"{counts[outcome]:>11}" for outcome in OUTCOMES))
-        print("".join(f"  {finding}\n" for finding in findings), end="", flush=True)
+        print("".join(f"  {line}\n" for line in _grouped(findings)), end="", flush=True)
         bad += len(findings)
+    print(f"{total} inputs, {bad} findings", flush=True)
     return int(bad > 0)
 
 
