@@ -161,7 +161,7 @@ def test_folds_whose_description_is_damaged_are_made_anew(divided: GraspReposito
     transaction = divided.writable("main")
     group_at(zarr.open_group(transaction.store, mode="r+"), "folds/cv").update_attributes(attributes)
     divided.commit(transaction, branch="main", message="tamper")
-    with pytest.raises(CorruptDataError, match="folds 'cv' are damaged: .*; make them anew with --replace"):
+    with pytest.raises(CorruptDataError, match=r"folds 'cv' are damaged: .*; make them anew with --replace"):
         read_folds(opened(divided), "cv")
     make_folds(divided, "cv", by="session", count=2, seed=0, author="anna", replace=True)
     assert read_folds(opened(divided), "cv").count == 2

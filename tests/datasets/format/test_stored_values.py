@@ -60,7 +60,7 @@ def test_a_value_that_no_attempt_has_is_named(
 ) -> None:
     (session,) = opened(recorded).sessions
     tamper(recorded.folder, f"sessions/{session.ulid}/attempts/{column}", 1, np.asarray(value))
-    with pytest.raises(CorruptDataError, match=f"attempt {session.ulid}-000001: {said}"):
+    with pytest.raises(CorruptDataError, match=rf"attempt {session.ulid}-000001: {said}"):
         READERS[read](opened(recorded))
 
 
@@ -77,7 +77,7 @@ def test_an_object_without_a_name_is_not_the_last_of_the_catalogue(recorded: Gra
 def test_a_pose_without_numbers_is_found_with_its_picture(recorded: GraspRepository) -> None:
     (session,) = opened(recorded).sessions
     tamper(recorded.folder, f"sessions/{session.ulid}/overhead/pose_base_tool", 1, np.asarray(np.inf))
-    with pytest.raises(CorruptDataError, match="000001: overhead/pose_base_tool is .*, expected finite numbers"):
+    with pytest.raises(CorruptDataError, match=r"000001: overhead/pose_base_tool is .*, expected finite numbers"):
         opened(recorded).frame(f"{session.ulid}-000001")
 
 
