@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import tokenize
 import zipfile
 import zlib
 from collections.abc import Iterator
@@ -46,8 +47,8 @@ from handsight.datasets.format.typed import shown
 from handsight.datasets.format.upgrades import columns_of, current_attributes, empty_columns
 from handsight.datasets.records import GraspAttempt, RgbdFrame, StationSpec
 
-_UNPACKING = (zipfile.BadZipFile, zlib.error, EOFError)
-"""What ``zipfile`` raises besides, of damaged bytes."""
+_UNPACKING = (zipfile.BadZipFile, zlib.error, EOFError, tokenize.TokenError, SyntaxError)
+"""What ``zipfile`` and NumPy, which takes the header of an array for Python, raise besides of damaged bytes."""
 
 _HEADERS = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
 
