@@ -80,7 +80,7 @@ format: venv  ## Apply the formatter and the safe fixes
 bench: venv  ## Run every benchmark
 	'$(BIN)/python' -m benchmarks all $(ARGS)
 
-fuzz: venv  ## Try spoilt input on every parser; ARGS='--parser hdf5 --inputs 20000 --seed 3'
+fuzz: venv  ## Try spoilt input on every parser; ARGS='--inputs 2250 --jobs 2 --seed 3'
 	'$(BIN)/python' tests/support/fuzz.py $(ARGS)
 
 docs: venv  ## Check links, commands and targets quoted in the documents

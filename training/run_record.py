@@ -11,11 +11,12 @@ import hashlib
 import json
 import re
 import reprlib
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NoReturn
 
+from handsight.datasets.format.checks import number, one_of, or_null, text, truth, whole
 from handsight.servoing.errors import ServoSettingsError
 from handsight.servoing.homography import InputGrid
 from handsight.training.errors import CheckpointError, NetworkSettingsError
@@ -29,9 +30,6 @@ RECORD_SHA256 = "record_sha256"
 LARGEST_RECORD_BYTES = 16 << 20
 """A record has a few hundred bytes for each epoch."""
 _FAULTS_LISTED = 8
-
-Check = Callable[[Any], str | None]
-"""What was expected of a value; None where it is as expected."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,81 +131,46 @@ def _faults(value: Any, form: Any, where: str) -> Iterator[str]:
         yield f"{name} is {reprlib.repr(value)}, expected {expected}"
 
 
-def _whole(least: int, most: int) -> Check:
-    def check(value: Any) -> str | None:
-        sound = isinstance(value, int) and not isinstance(value, bool) and least <= value <= most
-        return None if sound else f"a whole number of {least} to {most}"
-
-    return check
-
-
-def _number(least: float, most: float) -> Check:
-    def check(value: Any) -> str | None:
-        sound = isinstance(value, int | float) and not isinstance(value, bool) and least <= value <= most
-        return None if sound else f"a number of {least:g} to {most:g}"
-
-    return check
-
-
-def _or_null(check: Check) -> Check:
-    def nullable(value: Any) -> str | None:
-        expected = None if value is None else check(value)
-        return None if expected is None else f"{expected}, or null"
-
-    return nullable
-
-
-def _one_of(*values: str) -> Check:
-    return lambda value: None if isinstance(value, str) and value in values else f"one of: {', '.join(values)}"
-
-
-def _truth(value: Any) -> str | None:
-    return None if isinstance(value, bool) else "true or false"
-
-
-def _text(value: Any) -> str | None:
-    return None if isinstance(value, str) and len(value) <= 4096 else "text of at most 4096 characters"
-
-
-def _sha256(value: Any) -> str | None:
+def _sha256(value: object) -> str | None:
     return None if isinstance(value, str) and re.fullmatch("[0-9a-f]{64}", value) else "64 hexadecimal digits"
 
 
-_COUNT = _whole(0, 2**53)
-_SHARE = _number(0, 1)
-_SIZE = _whole(1, 2**31)
-_FINITE = _number(-1e30, 1e30)
+_TEXT = text(4096)
+_COUNT = whole(0, 2**53)
+_SHARE = number(0, 1)
+_SIZE = whole(1, 2**31)
+_FINITE = number(-1e30, 1e30)
 
 _CLOSED = ("origin", "grid", "settings.network")
 """Where a key that is not known would have a meaning that is missed."""
 
 # Ranges of sizes are those of the types that are built from them; here it is enough that they are numbers.
 _RECORD = {
-    "run_version": _whole(1, RUN_VERSION),
-    "handsight": _Optional(_text),
-    "created": _Optional(_text),
+    "run_version": whole(1, RUN_VERSION),
+    "handsight": _Optional(_TEXT),
+    "created": _Optional(_TEXT),
     "origin": {
-        "dataset": _text,
-        "ref": _text,
-        "snapshot": _text,
-        "digest": _text,
-        "view": _one_of("overhead", "pregrasp"),
+        "dataset": _TEXT,
+        "ref": _TEXT,
+        "snapshot": _TEXT,
+        "digest": _TEXT,
+        "view": one_of("overhead", "pregrasp"),
         "attempts": _COUNT,
     },
     "grid": {"crop_px": _SIZE, "size_px": _SIZE},
     "settings": {
         "network": {
-            "channels": _one_of(*CHANNEL_SETS),
+            "channels": one_of(*CHANNEL_SETS),
             "widths": [_SIZE],
             "kernels": [_SIZE],
             "dense": [_SIZE],
             "size_px": _SIZE,
         },
-        "epochs": _Optional(_whole(1, 2**31)),
-        "batch": _Optional(_whole(2, 2**31)),
+        "epochs": _Optional(whole(1, 2**31)),
+        "batch": _Optional(whole(2, 2**31)),
         "learning_rate": _Optional(_SHARE),
         "weight_decay": _Optional(_SHARE),
-        "balance": _Optional(_truth),
+        "balance": _Optional(truth),
         "holdout": _Optional(_SHARE),
         "jitter": _Optional(
             {
@@ -218,7 +181,7 @@ _RECORD = {
                 "shift": _Optional(_FINITE),
             }
         ),
-        "seed": _Optional(_whole(-(2**63), 2**64 - 1)),
+        "seed": _Optional(whole(-(2**63), 2**64 - 1)),
     },
     "parameters": _Optional(_COUNT),
     "history": [
@@ -227,9 +190,9 @@ _RECORD = {
             "train_loss": _FINITE,
             "held_out": {
                 "attempts": _COUNT,
-                "accuracy": _or_null(_SHARE),
-                "auc": _or_null(_SHARE),
-                "loss": _or_null(_FINITE),
+                "accuracy": or_null(_SHARE),
+                "auc": or_null(_SHARE),
+                "loss": or_null(_FINITE),
             },
         }
     ],

@@ -14,7 +14,7 @@ labelled attempt that takes part has a fold, no group is in two, and the attempt
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -22,12 +22,13 @@ import pandas as pd
 import zarr
 
 from handsight.datasets.address import DEFAULT_REF
-from handsight.datasets.errors import FoldsError, RefNameError, UnknownNameError, counted
-from handsight.datasets.format.arrays import append_rows, array_at, group_at, read_all
+from handsight.datasets.errors import CorruptDataError, FoldsError, HeaderError, RefNameError, UnknownNameError, counted
+from handsight.datasets.format.arrays import append_rows, array_at, group_at, read_all, read_range
 from handsight.datasets.format.decisions import trainable
 from handsight.datasets.format.keys import KEY_BYTES, ids_from_keys, keys_from_ids
 from handsight.datasets.format.provenance import utc_now
 from handsight.datasets.format.schema import create_array
+from handsight.datasets.format.typed import typed
 from handsight.datasets.reading.reader import GraspDataset
 from handsight.datasets.store.releases import check_name
 from handsight.datasets.store.repository import GraspRepository
@@ -74,6 +75,18 @@ class Folds:
             raise FoldsError(f"fold is {held_out}, expected 0 to {self.count - 1} of folds {self.name!r}")
         out = self.fold == held_out
         return self.fold.index[~out].tolist(), self.fold.index[out].tolist()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Said:
+    """The attributes of folds as they are stored."""
+
+    by: Grouping
+    seed: int
+    count: int
+    attempts_digest: str
+    made: str
+    author: str
 
 
 def make_folds(
@@ -152,11 +165,15 @@ def load_folds(root: zarr.Group, name: str) -> Folds:
         CorruptDataError: There are none of that name, or their bytes are damaged.
     """
     group = group_at(root, f"{FOLDS}/{name}")
-    attributes: dict[str, Any] = group.attrs.asdict()
+    try:
+        said = typed(_Said, group.attrs.asdict())
+    except HeaderError as error:
+        raise CorruptDataError(f"folds {name!r} are damaged: {error}; make them anew with --replace") from error
     ids = ids_from_keys(read_all(array_at(group, "attempt")))
     index = pd.Index(ids, dtype="str", name="attempt")
-    fold: pd.Series[int] = pd.Series(read_all(array_at(group, "fold")), index=index, dtype="int64", name="fold")
-    return Folds(name=name, fold=fold, **attributes)
+    numbers = read_range(array_at(group, "fold"), 0, len(ids))
+    fold: pd.Series[int] = pd.Series(numbers, index=index, dtype="int64", name="fold")
+    return Folds(name=name, fold=fold, **asdict(said))
 
 
 def fold_names(root: zarr.Group) -> list[str]:

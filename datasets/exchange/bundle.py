@@ -13,7 +13,7 @@ from typing import Any
 from handsight.datasets.errors import DatasetError, InterchangeError, counted
 from handsight.datasets.exchange.edits import NO_EDITS, Edits
 from handsight.datasets.exchange.sources import SessionSource
-from handsight.datasets.format.decisions import Action, Decision
+from handsight.datasets.format.decisions import Action, Decision, check_value
 from handsight.datasets.format.digest import dataset_digest
 from handsight.datasets.format.schema import SCHEMA_VERSION, parse_attempt_id
 from handsight.datasets.format.sessions import attribute_damage
@@ -134,12 +134,13 @@ def decisions_from_json(text: str, where: object) -> tuple[Decision, ...]:
 def _decision(number: int, entry: dict[str, Any]) -> Decision:
     for attempt in entry["attempts"]:
         parse_attempt_id(attempt)
-    value = entry["value"]
+    value, action = entry["value"], Action[entry["action"].upper()]
     if value is not None and not isinstance(value, int):
         raise ValueError(f"value is {value!r}")
+    check_value(action, value, number)
     return Decision(
         number=number,
-        action=Action[entry["action"].upper()],
+        action=action,
         value=value,
         reason=str(entry["reason"]),
         author=str(entry["author"]),

@@ -1,23 +1,4 @@
-"""HDF5 in the layout of robomimic: one demo for each attempt, one step in each demo.
-
-::
-
-    /                                   attrs: handsight (origin, JSON)
-    /data                               attrs: total, env_args (JSON), as robomimic wants them
-    /data/demo_<k>                      attrs: num_samples, attempt (id)
-        actions                         f8 (1, 3), pre-grasp x [m], y [m], angle [rad] in the base frame
-        rewards, dones                  f8 (1,), 1 where the grasp succeeded; i8 (1,), always 1
-        obs/<viewpoint>_rgb             u1 (1, H, W, 3)
-        obs/<viewpoint>_depth           u2 (1, H, W), in units of the camera's depth scale
-        obs/<viewpoint>_pose_base_tool  f8 (1, 4, 4); nothing of a viewpoint whose picture was never taken
-    /mask/labelled, /mask/excluded      names of demos, as robomimic's filter keys
-    /sessions/<ulid>                    attrs: first_demo
-        attributes                      JSON: header, configuration, code version, packages, times, status
-        columns/<column>                (N, ...), as in schema.py
-    /decisions                          JSON: curation
-
-What robomimic does not read (`handsight`, `sessions`, `decisions`) is what brings every byte back.
-"""
+"""Export to HDF5 and import of what was exported; ``hdf5_layout`` says what the file looks like."""
 
 from __future__ import annotations
 
@@ -47,9 +28,10 @@ from handsight.datasets.exchange.bundle import (
 from handsight.datasets.exchange.foreign import guarded, understood
 from handsight.datasets.exchange.hdf5_edits import edits_of
 from handsight.datasets.exchange.hdf5_file import new_hdf5_file
+from handsight.datasets.exchange.hdf5_layout import DATA, MASKS, UNLABELLED, demo_named, demo_names, group_of_demo
 from handsight.datasets.exchange.hdf5_probe import refuse_unreadable
 from handsight.datasets.exchange.sources import SessionSource, checked_source, stored_sources
-from handsight.datasets.format.arrays import array_at, group_at, read_rows
+from handsight.datasets.format.arrays import array_at, group_at, read_range
 from handsight.datasets.format.rows import frame_of, from_row
 from handsight.datasets.format.schema import COLUMNS, SESSIONS, VIEWPOINTS, Viewpoint, attempt_id, column_widths
 from handsight.datasets.format.upgrades import columns_of, current_attributes, empty_columns
@@ -76,25 +58,27 @@ def write(dataset: GraspDataset, path: Path, on_attempt: Callable[[], None]) -> 
     """Write a version to a new file."""
     root = dataset.root
     excluded = set(dataset.overlay.exclusions.index)
-    masks: dict[str, list[str]] = {"labelled": [], "excluded": []}
+    masks: dict[str, list[str]] = {key: [] for key in MASKS}
     demo = 0
     with new_hdf5_file(path) as new:
         file = new.root
         file.attrs["handsight"] = json.dumps(origin_of(dataset))
         file["decisions"] = decisions_to_json(dataset.overlay.decisions)
-        data, _ = file.create_group("data"), file.create_group(SESSIONS)
+        for group in (DATA, UNLABELLED, SESSIONS):
+            file.create_group(group)
         for source in stored_sources(root):
             _write_session(file, source, group_at(root, f"{SESSIONS}/{source.ulid}/attempts"), first_demo=demo)
             for attempt in source.attempts():
                 name, identity = f"demo_{demo}", attempt_id(source.ulid, attempt.number)
-                _write_demo(data.create_group(name), attempt, identity)
-                masks["labelled"] += [name] if attempt.labelled else []
-                masks["excluded"] += [name] if identity in excluded else []
+                group = group_of_demo(labelled=attempt.labelled)
+                _write_demo(file[group].create_group(name), attempt, identity)
+                masks["labelled"] += [name] if group == DATA else []
+                masks["excluded"] += [name] if group == DATA and identity in excluded else []
                 demo += 1
                 new.check()
                 on_attempt()
-        data.attrs["total"] = demo
-        data.attrs["env_args"] = json.dumps({"env_name": "handsight", "type": 2, "env_kwargs": {}})
+        file[DATA].attrs["total"] = len(masks["labelled"])
+        file[DATA].attrs["env_args"] = json.dumps({"env_name": "handsight", "type": 2, "env_kwargs": {}})
         for key, names in masks.items():
             file[f"mask/{key}"] = np.array(names, dtype="S")
 
@@ -143,7 +127,7 @@ def _write_session(file: h5py.File, source: SessionSource, attempts: zarr.Group,
     group.attrs["first_demo"] = first_demo
     group["attributes"] = json.dumps(source.attributes)
     for column in COLUMNS:
-        values = read_rows(array_at(attempts, column.name), 0, source.size)
+        values = read_range(array_at(attempts, column.name), 0, source.size)
         group.create_dataset(f"columns/{column.name}", data=values, **(_PACKING if values.size else {}))
 
 
@@ -167,7 +151,8 @@ def _write_demo(demo: h5py.Group, attempt: GraspAttempt, identity: str) -> None:
 def _source(file: h5py.File, ulid: str, path: Path, schema: int) -> SessionSource:
     group = _group(file, f"{SESSIONS}/{ulid}", path)
     attributes = current_attributes(json.loads(_text(group, "attributes", path)), schema)
-    size, demos = len(group["columns/number"]), len(_group(file, "data", path))
+    _group(file, DATA, path)
+    size, demos = len(group["columns/number"]), sum(map(len, demo_names(file).values()))
     if size > demos:
         # Before any column is read: a few bytes suffice to claim any number of rows.
         raise InterchangeError(
@@ -192,14 +177,14 @@ def _read_attempts(
 ) -> Iterator[GraspAttempt]:
     for number in range(len(columns["number"])):
         row = {name: values[number] for name, values in columns.items()}
-        demo = f"data/demo_{first_demo + number}"
+        name = f"demo_{first_demo + number}"
         taken = dict(zip(VIEWPOINTS, row["picture_taken"], strict=True))
         try:
-            if file[demo].attrs["attempt"] != attempt_id(ulid, number):
-                raise InterchangeError(f"{demo} is attempt {file[demo].attrs['attempt']}")
+            demo = demo_named(file, name)
+            if not isinstance(demo, h5py.Group) or demo.attrs["attempt"] != attempt_id(ulid, number):
+                raise InterchangeError(f"{name} is missing, or is another attempt")
             pictures = {
-                viewpoint: _frame(file, demo, viewpoint, header) if taken[viewpoint] else None
-                for viewpoint in VIEWPOINTS
+                viewpoint: _frame(demo, viewpoint, header) if taken[viewpoint] else None for viewpoint in VIEWPOINTS
             }
         except (KeyError, OSError, RuntimeError, MemoryError, InterchangeError) as error:
             if trouble := of_the_machine(f"{file.filename} cannot be read", error):
@@ -211,14 +196,14 @@ def _read_attempts(
         yield from_row(row, pictures)
 
 
-def _frame(file: h5py.File, demo: str, viewpoint: Viewpoint, header: SessionHeader) -> RgbdFrame:
+def _frame(demo: h5py.Group, viewpoint: Viewpoint, header: SessionHeader) -> RgbdFrame:
     intrinsics = header.station.camera.intrinsics
     frame = (1, intrinsics.height, intrinsics.width)
-    group = file[f"{demo}/obs"]
+    group = demo["obs"]
     return RgbdFrame(
-        rgb=_array(group, f"{viewpoint}_rgb", "uint8", (*frame, 3), demo)[0],
-        depth=_array(group, f"{viewpoint}_depth", "uint16", frame, demo)[0],
-        pose_base_tool=_array(group, f"{viewpoint}_pose_base_tool", "float64", (1, 4, 4), demo)[0],
+        rgb=_array(group, f"{viewpoint}_rgb", "uint8", (*frame, 3), demo.name)[0],
+        depth=_array(group, f"{viewpoint}_depth", "uint16", frame, demo.name)[0],
+        pose_base_tool=_array(group, f"{viewpoint}_pose_base_tool", "float64", (1, 4, 4), demo.name)[0],
     )
 
 

@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from handsight.datasets.errors import counted
 from handsight.datasets.exchange.edits import Comparison, Edits, session_ids
+from handsight.datasets.exchange.hdf5_layout import DATA, MASKS, UNLABELLED, demo_named, demo_names
 from handsight.datasets.exchange.sources import SessionSource
 from handsight.datasets.format.decisions import Decision, Overlay
 from handsight.datasets.format.schema import SESSIONS, VIEWPOINTS
 
 DEMO_MEMBERS = {"actions", "rewards", "dones", "obs"}
 OBSERVED = ("rgb", "depth", "pose_base_tool")
-MASKS = ("labelled", "excluded")
 _MOST_NAME_BYTES = 64
 """Of a demo in a filter key."""
 
@@ -44,10 +44,15 @@ def edits_of(file: h5py.File, sources: Sequence[SessionSource], decisions: Seque
         comparison.refuse("demos belong to two sessions", [demo for demo in demos if demo in ids])
         ids |= dict(zip(demos, session_ids(source.ulid, source.size), strict=True))
         labelled |= _compare_demos(comparison, file, group, demos, ids)
-    comparison.refuse("demos were added", sorted(set(file["data"]) - set(ids)))
-    if file["data"].attrs.get("total") != len(ids):
-        comparison.refuse(f"data's total is not {counted(len(ids), 'demo')}", ["data"])
-    _compare_masks(comparison, file, ids, labelled, set(Overlay(decisions).exclusions.index))
+    there = demo_names(file)
+    comparison.refuse("demos were added", sorted((there[DATA] | there[UNLABELLED]) - set(ids)))
+    readable = labelled if UNLABELLED in file else set(ids)
+    misplaced = (there[DATA] & set(ids)) - readable | there[UNLABELLED] & readable
+    comparison.refuse(f"demos of {DATA} and {UNLABELLED} changed places", sorted(misplaced))
+    if file[DATA].attrs.get("total") != len(readable):
+        comparison.refuse(f"data's total is not {counted(len(readable), 'demo')}", [DATA])
+    known = {demo: ids[demo] for demo in readable}
+    _compare_masks(comparison, file, known, labelled, set(Overlay(decisions).exclusions.index))
     return comparison.edits("rewards and mask/excluded")
 
 
@@ -58,12 +63,13 @@ def _compare_demos(
     outcome, poses, taken = (
         np.asarray(group[f"columns/{name}"][()]) for name in ("outcome", "pregrasp_x_y_angle", "picture_taken")
     )
-    present = [isinstance(file["data"].get(demo), h5py.Group) for demo in demos]
+    nodes = [demo_named(file, demo) for demo in demos]
+    present = [isinstance(node, h5py.Group) for node in nodes]
     comparison.refuse("demos are missing", [demo for demo, there in zip(demos, present, strict=True) if not there])
     rewards, actions, kept = [], [], []
     faults: dict[str, list[str]] = {}
     for at in np.flatnonzero(present).tolist():
-        demo = file["data"][demos[at]]
+        demo = nodes[at]
         found = _faults_of_demo(demo, ids[demos[at]], taken[at])
         for fault in found:
             faults.setdefault(fault, []).append(demos[at])

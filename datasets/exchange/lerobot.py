@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import tokenize
 import zipfile
 import zlib
 from collections.abc import Iterator
@@ -25,7 +26,8 @@ from handsight.datasets.exchange.bundle import (
     refuse_linked,
     schema_of_origin,
 )
-from handsight.datasets.exchange.lerobot_edits import edits_of
+from handsight.datasets.exchange.foreign import NOT_UNDERSTOOD, guarded
+from handsight.datasets.exchange.lerobot_edits import Recorded, edits_of
 from handsight.datasets.exchange.lerobot_layout import (
     EPISODES_PER_FILE,
     SIDE,
@@ -41,13 +43,14 @@ from handsight.datasets.exchange.pictures import decoded
 from handsight.datasets.exchange.sources import SessionSource, checked_source
 from handsight.datasets.format.rows import from_row
 from handsight.datasets.format.schema import COLUMNS, VIEWPOINTS, Viewpoint, attempt_id, column_widths
+from handsight.datasets.format.typed import shown
 from handsight.datasets.format.upgrades import columns_of, current_attributes, empty_columns
 from handsight.datasets.machine import of_the_machine
 from handsight.datasets.records import GraspAttempt, RgbdFrame, StationSpec
 
-_UNPACKING = (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError)
-"""What ``zipfile`` raises of damaged bytes and of encrypted ones."""
-_UNREADABLE = (OSError, KeyError, ValueError, TypeError, AttributeError, MemoryError, *_UNPACKING)
+_UNPACKING = (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError, tokenize.TokenError, SyntaxError)
+"""What ``zipfile`` and NumPy, which takes the header of an array for Python, raise besides of damaged bytes and of
+encrypted ones."""
 
 _HEADERS = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
 
@@ -71,13 +74,14 @@ def open_bundle(path: Path) -> Iterator[Bundle]:
         files = [file for file in (path / SIDE).glob("*.npz") if not file.name.startswith("._")]  # Of macOS.
         ulids = sorted(file.stem for file in files)
         rows = _rows_in_data(path)
-        sessions = [_source(path, ulid, schema, rows) for ulid in ulids]
+        read = [_session(path, ulid, schema, rows) for ulid in ulids]
+        sessions = [source for source, _ in read]
         refuse_changed(origin, sessions, path)
         decisions = decisions_from_json(origin["decisions"], path)
-        edits = edits_of(path, sessions)
+        edits = edits_of(path, [recorded for _, recorded in read])
     except DatasetError:
         raise
-    except _UNREADABLE as error:
+    except (*NOT_UNDERSTOOD, *_UNPACKING) as error:
         if trouble := of_the_machine(f"{path} cannot be read", error):
             raise trouble from error
         reason = f"{type(error).__name__}: {headline(error)}"
@@ -86,12 +90,18 @@ def open_bundle(path: Path) -> Iterator[Bundle]:
             "a LeRobotDataset of another origin does not say what its label is or where its camera was: describe it in "
             "a map and import it with --map map.toml, or make a table of its pictures (both in docs/datasets.md)"
         ) from error
-    yield Bundle(sessions=sessions, decisions=decisions, edits=edits)
+    yield Bundle(sessions=guarded(sessions, path), decisions=decisions, edits=edits)
 
 
-def _source(path: Path, ulid: str, schema: int, rows: int) -> SessionSource:
+def _session(path: Path, ulid: str, schema: int, rows: int) -> tuple[SessionSource, Recorded]:
+    """A session of an export, and what it holds beside LeRobot's own files."""
     described = json.loads((path / SIDE / f"{ulid}.json").read_text())
     attributes = current_attributes(described["attributes"], schema)
+    first = described["first_episode"]
+    if not isinstance(first, int) or isinstance(first, bool) or not 0 <= first <= rows:
+        raise InterchangeError(
+            f"{path}: first_episode of session {ulid} is {shown(first)}, expected a whole number of 0 to {rows}"
+        )
     with zipfile.ZipFile(path / SIDE / f"{ulid}.npz") as file:
         size = _shape(file, "attempts/number", "int64", path)[0]
         if size > rows:
@@ -100,21 +110,26 @@ def _source(path: Path, ulid: str, schema: int, rows: int) -> SessionSource:
                 f"{path}: session {ulid} claims {counted(size, 'attempt')}, and the data have {counted(rows, 'row')}"
             )
         source = checked_source(ulid, attributes, size=size)
-        widths = column_widths(source.header)
-        columns = {
-            f"attempts/{one.name}": _array(file, f"attempts/{one.name}", one.dtype, (size, *one.shape(widths)), path)
-            for one in columns_of(schema)
-        }
-        for viewpoint in VIEWPOINTS:
-            name = f"{viewpoint}/pose_base_tool"
-            columns[name] = _array(file, name, "float64", (size, 4, 4), path)
-    columns |= {f"attempts/{name}": values for name, values in empty_columns(schema, size, widths).items()}
-    first, station = int(described["first_episode"]), source.header.station
-    return replace(
+        columns = _columns(file, source, schema, path)
+    source = replace(
         source,
-        attempts=partial(_read_attempts, path, ulid, columns, first, station),
+        attempts=partial(_read_attempts, path, ulid, columns, first, source.header.station),
         digests=tuple(digest.tobytes() for digest in columns["attempts/digest"]),
     )
+    return source, Recorded(ulid=ulid, size=size, first_episode=first, columns=columns)
+
+
+def _columns(file: zipfile.ZipFile, source: SessionSource, schema: int, path: Path) -> dict[str, NDArray[Any]]:
+    """The columns of a session by path in its group, as today's schema has them."""
+    size, widths = source.size, column_widths(source.header)
+    columns = {
+        f"attempts/{one.name}": _array(file, f"attempts/{one.name}", one.dtype, (size, *one.shape(widths)), path)
+        for one in columns_of(schema)
+    }
+    for viewpoint in VIEWPOINTS:
+        name = f"{viewpoint}/pose_base_tool"
+        columns[name] = _array(file, name, "float64", (size, 4, 4), path)
+    return columns | {f"attempts/{name}": values for name, values in empty_columns(schema, size, widths).items()}
 
 
 def _rows_in_data(path: Path) -> int:

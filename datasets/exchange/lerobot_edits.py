@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -13,8 +14,6 @@ from numpy.typing import NDArray
 
 from handsight.datasets.errors import CorruptDataError, counted, headline
 from handsight.datasets.exchange.edits import Comparison, Edits, session_ids
-from handsight.datasets.exchange.lerobot_layout import SIDE, flat_name
-from handsight.datasets.exchange.sources import SessionSource
 from handsight.datasets.format.schema import VIEWPOINTS
 from handsight.servoing.planar import PlanarPose
 
@@ -25,55 +24,61 @@ _COLUMNS = (*_LABELS, "action", "observation.state", *_PLACES)
 _Columns = dict[str, NDArray[np.generic]]
 
 
-def edits_of(path: Path, sources: Sequence[SessionSource]) -> Edits:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Recorded:
+    """What an export holds of a session beside LeRobot's own files; checked by type and shape."""
+
+    ulid: str
+    size: int
+    """Number of attempts."""
+    first_episode: int
+    """Episode of the first of them."""
+    columns: Mapping[str, NDArray[Any]]
+    """By path in the session's group, with the attempts first."""
+
+
+def edits_of(path: Path, sessions: Sequence[Recorded]) -> Edits:
     """Compare the rows of the data files with the columns of their sessions.
 
     Args:
-        path: The export, whose columns have been checked.
-        sources: Its sessions.
+        path: The export.
+        sessions: What it holds of them.
 
     Raises:
         InterchangeError: Something was changed that no decision can hold; the message lists it.
         CorruptDataError: A data file is damaged.
-        KeyError, TypeError, ValueError, OSError: What lies beside the data files is damaged.
+        ValueError: Sessions begin where there are no episodes.
     """
     comparison = Comparison(path.name)
     rows = _rows(path)
-    found, expected = len(rows["episode_index"]), sum(source.size for source in sources)
+    found, expected = len(rows["episode_index"]), sum(one.size for one in sessions)
     if found != expected:
         comparison.refuse(f"there are {counted(found, 'row')} of {counted(expected, 'attempt')}", ["data"])
         return comparison.edits("next.success and next.reward")
-    for source in sources:
-        first = int(json.loads((path / SIDE / f"{source.ulid}.json").read_text())["first_episode"])
-        here = {name: values[first : first + source.size] for name, values in rows.items()}
-        if source.size and (first < 0 or len(here["action"]) != source.size):
-            raise ValueError(f"first_episode of session {source.ulid} is {first}")
-        _compare(comparison, path, source, here, first)
+    for one in sessions:
+        first = one.first_episode
+        here = {name: values[first : first + one.size] for name, values in rows.items()}
+        if len(here["action"]) != one.size:
+            raise ValueError(f"first_episode of session {one.ulid} is {first}")
+        _compare(comparison, one, here)
     return comparison.edits("next.success and next.reward")
 
 
-def _compare(comparison: Comparison, path: Path, source: SessionSource, rows: _Columns, first: int) -> None:
-    places = [f"episode {first + number}" for number in range(source.size)]
-    with np.load(path / SIDE / f"{source.ulid}.npz", allow_pickle=False) as file:
-        outcome, actions, taken, poses = (
-            file[flat_name(name)]
-            for name in (
-                "attempts/outcome",
-                "attempts/pregrasp_x_y_angle",
-                "attempts/picture_taken",
-                "overhead/pose_base_tool",
-            )
-        )
-    ids = session_ids(source.ulid, source.size)
+def _compare(comparison: Comparison, recorded: Recorded, rows: _Columns) -> None:
+    first, columns = recorded.first_episode, recorded.columns
+    places = [f"episode {first + number}" for number in range(recorded.size)]
+    outcome, actions = columns["attempts/outcome"], columns["attempts/pregrasp_x_y_angle"]
+    taken, poses = columns["attempts/picture_taken"], columns["overhead/pose_base_tool"]
+    ids = session_ids(recorded.ulid, recorded.size)
     for name in _LABELS:
         comparison.labels(name, rows[name].astype(np.float64), outcome=outcome, ids=ids, places=places)
     known = {"action": np.isfinite(actions).all(axis=1), "observation.state": taken[:, VIEWPOINTS.index("overhead")]}
-    recorded = {"action": actions, "observation.state": _states(poses, known["observation.state"])}
+    stored = {"action": actions, "observation.state": _states(poses, known["observation.state"])}
     for name, rows_known in known.items():
         # What stands in for something unknown means nothing.
-        found, expected = (np.where(rows_known[:, None], one, 0) for one in (rows[name], recorded[name]))
+        found, expected = (np.where(rows_known[:, None], one, 0) for one in (rows[name], stored[name]))
         comparison.same(name, found.astype(np.float32), expected.astype(np.float32), places)
-    episodes = np.arange(first, first + source.size)
+    episodes = np.arange(first, first + recorded.size)
     numbers = {"episode_index": episodes, "index": episodes}
     for name in _PLACES:
         comparison.same(name, rows[name], numbers.get(name, np.zeros_like(episodes)), places)

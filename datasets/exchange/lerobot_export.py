@@ -35,7 +35,7 @@ from handsight.datasets.exchange.lerobot_layout import (
 from handsight.datasets.exchange.lerobot_rows import POSE, RowMaker
 from handsight.datasets.exchange.lerobot_statistics import Statistics, episode_columns
 from handsight.datasets.exchange.sources import SessionSource, stored_sources
-from handsight.datasets.format.arrays import array_at, group_at, read_rows
+from handsight.datasets.format.arrays import array_at, group_at, read_range
 from handsight.datasets.format.schema import SESSIONS, VIEWPOINTS, Viewpoint
 from handsight.datasets.reading.reader import GraspDataset
 from handsight.datasets.writing.batches import column_paths
@@ -74,7 +74,7 @@ def write(dataset: GraspDataset, path: Path, on_attempt: Callable[[], None]) -> 
     first = 0
     for source in sources:
         group = group_at(root, f"{SESSIONS}/{source.ulid}")
-        columns = {name: read_rows(array_at(group, name), 0, source.size) for name in column_paths()}
+        columns = {name: read_range(array_at(group, name), 0, source.size) for name in column_paths()}
         _write_session(path / SIDE, source, columns, first_episode=first)
         for what, present in _present(columns).items():
             has.setdefault(what, []).append(present)

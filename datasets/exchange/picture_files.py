@@ -5,17 +5,15 @@ Pillow reads what a file claims and, of PNG, every checksum; OpenCV decodes it w
 
 from __future__ import annotations
 
-import io
-import warnings
 from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 
 from handsight.datasets.errors import InterchangeError
+from handsight.datasets.exchange.pictures import examined
 from handsight.datasets.machine import of_the_machine
 
 _FORMATS = ("PNG", "TIFF", "PPM", "BMP", "WEBP", "JPEG2000", "JPEG")
@@ -56,7 +54,8 @@ def read_depth(folder: Path, name: str, size: tuple[int, int]) -> NDArray[np.uin
 def _picture(folder: Path, name: str, size: tuple[int, int]) -> NDArray[Any]:
     """A picture inside the folder, with all its bits."""
     data = _content(folder, name, size)
-    _check_claims(data, name, size)
+    with examined(data, f"picture {name!r}", formats=_FORMATS, size=size) as claimed:
+        claimed.verify()
     try:
         picture = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     except cv2.error as error:
@@ -88,31 +87,6 @@ def _content(folder: Path, name: str, size: tuple[int, int]) -> bytes:
         raise InterchangeError(
             f"picture {name[:80]!r} cannot be read: {getattr(error, 'strerror', None) or error}"
         ) from error
-
-
-def _check_claims(data: bytes, name: str, size: tuple[int, int]) -> None:
-    """Refuse a picture that says of itself that it has another size, or whose checksums are wrong."""
-    try:
-        with warnings.catch_warnings():
-            # A bomb is refused below for its size, and what is odd beside the pixels is nobody's concern.
-            warnings.simplefilter("ignore")
-            with Image.open(io.BytesIO(data), formats=_FORMATS) as picture:
-                width, height = picture.size
-                picture.verify()
-    except Image.DecompressionBombError as error:
-        raise InterchangeError(
-            f"picture {name!r} claims to be far larger than the station's camera: {error}"
-        ) from error
-    except Exception as error:  # Pillow's readers raise nearly everything for damaged bytes.
-        if trouble := of_the_machine(f"picture {name!r} cannot be decoded", error):
-            raise trouble from error
-        raise InterchangeError(
-            f"picture {name!r} cannot be decoded: expected an undamaged file of {', '.join(_FORMATS)}"
-        ) from error
-    if (height, width) != size:
-        raise InterchangeError(
-            f"picture {name!r} has {width}x{height} pixels, expected {size[1]}x{size[0]} as the station's camera"
-        )
 
 
 def _kind(picture: NDArray[Any]) -> str:

@@ -12,7 +12,7 @@ import zarr
 from ulid import ULID
 
 from handsight.datasets.errors import HeaderError, InterchangeError, counted
-from handsight.datasets.format.arrays import array_at, group_at, read_rows
+from handsight.datasets.format.arrays import array_at, group_at, read_range
 from handsight.datasets.format.frames import BATCH_FRAMES, frame_arrays, read_frames
 from handsight.datasets.format.header import config_digest
 from handsight.datasets.format.provenance import utc_now
@@ -114,7 +114,7 @@ def stored_source(group: zarr.Group, ulid: str, schema: int) -> SessionSource:
         CorruptDataError: An array is damaged or missing.
     """
     size = array_at(group, "attempts/number").shape[0]
-    digests = read_rows(array_at(group, "attempts/digest"), 0, size)
+    digests = read_range(array_at(group, "attempts/digest"), 0, size)
     source = checked_source(
         ulid,
         _current_attributes(group, ulid, schema),
@@ -147,7 +147,7 @@ def read_attempts(group: zarr.Group, size: int, widths: ColumnWidths, schema: in
     arrays = {viewpoint: frame_arrays(group, viewpoint) for viewpoint in VIEWPOINTS}
     for start in range(0, size, COLUMN_CHUNK_ROWS):
         stop = min(start + COLUMN_CHUNK_ROWS, size)
-        rows = {name: read_rows(array, start, stop) for name, array in columns.items()}
+        rows = {name: read_range(array, start, stop) for name, array in columns.items()}
         rows |= empty_columns(schema, stop - start, widths)
         for first in range(start, stop, BATCH_FRAMES):
             last = min(first + BATCH_FRAMES, stop)

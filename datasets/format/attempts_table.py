@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from handsight.datasets.format.rows import text_from_bytes
 from handsight.datasets.format.schema import COLUMNS, VIEWPOINTS, ColumnWidths, attempt_id
 from handsight.datasets.format.sessions import SessionInfo
+from handsight.datasets.format.stored_values import impossible
 from handsight.datasets.records import PHASES, Outcome
 
 Columns = Mapping[str, NDArray[Any]]
@@ -111,17 +112,37 @@ def _failure(info: SessionInfo | None, columns: Columns) -> Any:
 
 def _objects(info: SessionInfo | None, columns: Columns) -> Any:
     catalogue = () if info is None else info.header.station.objects
-    indices = zip(columns["catalogue_index"].tolist(), columns["object_count"].tolist(), strict=True)
-    names = [tuple(catalogue[index] for index in row[: max(count, 0)]) for row, count in indices]
+    indices, counts = columns["catalogue_index"], columns["object_count"]
+    _refuse_unnamed(info, columns, (indices < 0) & (np.arange(indices.shape[1]) < counts[:, None]))
+    rows = zip(indices.tolist(), counts.tolist(), strict=True)
+    names = [tuple(catalogue[index] for index in row[: max(count, 0)]) for row, count in rows]
     return pd.Series(names, dtype=object).to_numpy()
 
 
 def _target(info: SessionInfo | None, columns: Columns) -> Any:
     """Names of the targets; index -1, of the last place, stands for none."""
     catalogue = np.array([*(() if info is None else info.header.station.objects), None], dtype=object)
+    return _text(catalogue[targets_in_catalogue(info, columns)])
+
+
+def targets_in_catalogue(info: SessionInfo | None, columns: Columns) -> NDArray[np.int64]:
+    """Index of each attempt's target in the session's catalogue; -1 where there is none. Shape (N,).
+
+    Raises:
+        CorruptDataError: A target is none of the objects of its scene.
+    """
     target = columns["target"].astype(np.int64)
-    index = columns["catalogue_index"][np.arange(len(target)), np.maximum(target, 0)]
-    return _text(catalogue[np.where(target < 0, -1, index)])
+    index = columns["catalogue_index"][np.arange(len(target)), np.maximum(target, 0)].astype(np.int64)
+    _refuse_unnamed(info, columns, (index < 0) & (target >= 0))
+    return np.where(target < 0, -1, index)
+
+
+def _refuse_unnamed(info: SessionInfo | None, columns: Columns, unnamed: NDArray[np.bool_]) -> None:
+    """Refuse objects without an index, which in Python would mean the last one of the catalogue."""
+    rows = np.flatnonzero(unnamed.any(axis=tuple(range(1, unnamed.ndim))))
+    if info is not None and len(rows):
+        number, indices = int(columns["number"][rows[0]]), columns["catalogue_index"][rows[0]]
+        raise impossible(info.ulid, number, "catalogue_index", indices, "an index for every object of the scene")
 
 
 def _digest(info: SessionInfo | None, columns: Columns) -> Any:

@@ -44,6 +44,7 @@ CURATED_COLUMNS = ("recorded_success", "excluded", "exclusion_reason")
 
 _DIGEST_PREFIX = b"handsight curation 1\n"
 _NO_VALUE = -1
+_REMEDY = "open a version from before it, which 'handsight dataset log' lists, or restore the dataset from a copy"
 _TARGET_CHUNK_ROWS = 4096
 _FACTS, _REASON, _AUTHOR = "decisions/facts", "decisions/reason", "decisions/author"
 _TARGETS = "targets/attempt"
@@ -165,42 +166,61 @@ def read_overlay(root: zarr.Group) -> Overlay:
     """The decisions stored in a version.
 
     Raises:
-        CorruptDataError: Their bytes are damaged.
+        CorruptDataError: Their bytes are damaged, or a decision is none that handsight records.
     """
     if CURATION not in root:
         return Overlay()
     group = group_at(root, CURATION)
     facts, reasons, authors, keys = (read_all(array_at(group, path)) for path in (_FACTS, _REASON, _AUTHOR, _TARGETS))
-    ends = facts[:, 3].tolist()
-    if len({len(facts), len(reasons), len(authors)}) > 1 or ends != sorted(ends) or ends[-1:] not in ([], [len(keys)]):
-        raise CorruptDataError(
-            f"{CURATION} is damaged: {len(facts)} facts, {len(reasons)} reasons and {len(authors)} authors, the last "
-            f"decision ending at {ends[-1:]} of {len(keys)} attempts; restore the dataset from a copy"
-        )
-    try:
-        return Overlay(_decisions(facts, reasons, authors, ids_from_keys(keys)))
-    except (ValueError, OverflowError, OSError) as error:
-        raise CorruptDataError(f"{CURATION} is damaged: {error}; restore the dataset from a copy") from error
-
-
-def _decisions(
-    facts: NDArray[np.int64], reasons: NDArray[np.uint8], authors: NDArray[np.uint8], ids: Sequence[str]
-) -> list[Decision]:
-    decisions = []
+    if not len(facts) == len(reasons) == len(authors):
+        counts = f"{len(facts)}, {len(reasons)} and {len(authors)} rows"
+        raise CorruptDataError(f"the decisions of curation have {counts}, expected as many of each; {_REMEDY}")
+    ids = ids_from_keys(keys)
+    decisions: list[Decision] = []
     start = 0
-    for number, (action, value, decided_ns, stop) in enumerate(facts.tolist()):
-        decision = Decision(
-            number=number,
-            action=Action(action),
-            value=None if value == _NO_VALUE else value,
-            reason=text_from_bytes(reasons[number]),
-            author=text_from_bytes(authors[number]),
-            decided=datetime.fromtimestamp(decided_ns / 1e9, UTC),
-            attempts=tuple(ids[start:stop]),
-        )
-        decisions.append(decision)
-        start = stop
-    return decisions
+    for number, row in enumerate(facts.tolist()):
+        try:
+            decisions.append(_decision(number, row, reasons[number], authors[number], ids[start : row[3]]))
+            _check_targets(start, row[3], len(ids))
+        except (ValueError, OverflowError, OSError) as error:
+            raise CorruptDataError(
+                f"decision {number} of curation is damaged ({error}), expected one that handsight records; {_REMEDY}"
+            ) from error
+        start = row[3]
+    return Overlay(decisions)
+
+
+def _decision(
+    number: int, facts: list[int], reason: NDArray[np.uint8], author: NDArray[np.uint8], attempts: list[str]
+) -> Decision:
+    action, value, decided_ns, _ = facts
+    what = Action(action)
+    check_value(what, value, number)
+    return Decision(
+        number=number,
+        action=what,
+        value=None if value == _NO_VALUE else value,
+        reason=text_from_bytes(reason),
+        author=text_from_bytes(author),
+        decided=datetime.fromtimestamp(decided_ns / 1e9, UTC),
+        attempts=tuple(attempts),
+    )
+
+
+def check_value(action: Action, value: int | None, number: int) -> None:
+    """Refuse a value that would mean another label than it says, or undo what was not decided yet.
+
+    Raises:
+        ValueError: The decision ``number`` cannot have it.
+    """
+    most = {Action.RELABEL: 1, Action.UNDO: number - 1}.get(action)
+    if most is not None and (value is None or not 0 <= value <= most):
+        raise ValueError(f"{action.name.lower()} has the value {value}, expected 0 to {most}")
+
+
+def _check_targets(start: int, stop: int, known: int) -> None:
+    if not start <= stop <= known:
+        raise ValueError(f"its attempts end at {stop} of {known}, where they begin at {start}")
 
 
 def append_decision(root: zarr.Group, decision: Decision) -> None:

@@ -116,14 +116,15 @@ def _value(hint: Any, value: object, name: str, faults: _Faults) -> Any:
         return value
     if is_dataclass(hint) and isinstance(hint, type):
         return _record(hint, value, name, faults)
-    if not _is_a(hint, value):
+    if not is_a(hint, value):
         faults.add(name, value, _WORDS[hint])
     elif hint is float and not _fits_float(value):
         faults.add(name, value, "a number that is not beyond all measure")
     return value
 
 
-def _is_a(hint: type, value: object) -> bool:
+def is_a(hint: type, value: object) -> bool:
+    """Whether a JSON value is of a type: a whole number is a number, and a truth value is neither."""
     if hint is float:
         return isinstance(value, float | int) and not isinstance(value, bool)
     if hint is int:

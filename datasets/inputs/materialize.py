@@ -25,7 +25,8 @@ from numpy.typing import NDArray
 
 from handsight.datasets.errors import NoTrainingDataError, StorageError
 from handsight.datasets.format.decisions import trainable
-from handsight.datasets.format.schema import Viewpoint
+from handsight.datasets.format.schema import Viewpoint, parse_attempt_id
+from handsight.datasets.format.stored_values import impossible
 from handsight.datasets.inputs.cache import open_cache, write_cache
 from handsight.datasets.inputs.viewpoint import DEFAULT_VIEWPOINT
 from handsight.datasets.reading.reader import GraspDataset
@@ -82,7 +83,7 @@ def materialize(
 
     Raises:
         NoTrainingDataError: No attempt of this version has a label and the picture asked for.
-        CorruptDataError: A picture is damaged; the message names the attempt.
+        CorruptDataError: A picture is damaged, or a pre-grasp pose is not finite; the message names the attempt.
         VersionRemovedError: The version was expired and collected meanwhile.
         StorageError: Nothing can be written beside the dataset, where inputs are kept.
     """
@@ -150,7 +151,11 @@ def _warped(
     waiting: deque[Future[NDArray[np.float32]]] = deque()
     # Threads, not processes: decoding and warping release the interpreter, and Icechunk must not be forked.
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        for (attempt, frame), (x_m, y_m, angle_rad) in zip(pictures, poses, strict=True):
+        for (attempt, frame), pose in zip(pictures, poses, strict=True):
+            if not np.isfinite(pose).all():
+                # Warped to nowhere, the input would be NaN, and so would every weight after one step.
+                raise impossible(*parse_attempt_id(attempt), "pregrasp_x_y_angle", pose, "finite numbers")
+            x_m, y_m, angle_rad = pose
             goal = PlanarPose(x_m=x_m, y_m=y_m, angle_rad=angle_rad)
             waiting.append(pool.submit(grasp_input, frame, dataset.station(attempt), goal, grid))
             if len(waiting) == _PICTURES_AHEAD:

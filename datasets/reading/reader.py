@@ -21,8 +21,8 @@ from handsight.datasets.errors import (
     counted,
     pasteable,
 )
-from handsight.datasets.format.arrays import array_at, group_at, read_rows
-from handsight.datasets.format.attempts_table import LazyColumns, attempts_table
+from handsight.datasets.format.arrays import array_at, group_at
+from handsight.datasets.format.attempts_table import LazyColumns, attempts_table, targets_in_catalogue
 from handsight.datasets.format.decisions import CURATED_COLUMNS, Overlay, read_overlay
 from handsight.datasets.format.digest import dataset_digest
 from handsight.datasets.format.frames import BATCH_FRAMES, frame_arrays, read_frames
@@ -37,6 +37,7 @@ from handsight.datasets.format.schema import (
     parse_attempt_id,
 )
 from handsight.datasets.format.sessions import SessionInfo, read_sessions
+from handsight.datasets.format.stored_values import impossible, read_column
 from handsight.datasets.reading.info import DatasetInfo, bytes_stored
 from handsight.datasets.records import GraspAttempt, Outcome, RgbdFrame, StationSpec
 from handsight.datasets.store.layout import check_current
@@ -131,9 +132,9 @@ class GraspDataset:
 
     def targets(self, session: str) -> NDArray[np.int64]:
         """Index of each attempt's target in the session's catalogue, whose length stands for none. Shape (N,)."""
-        target = self.column(session, "target").astype(np.int64)
-        index = self.column(session, "catalogue_index")[np.arange(len(target)), np.maximum(target, 0)]
-        return np.where(target < 0, len(self.station(session).objects), index)
+        info = self.session(session)
+        index = targets_in_catalogue(info, LazyColumns(partial(self._column, info.ulid)))
+        return np.where(index < 0, len(info.header.station.objects), index)
 
     def tail(self, count: int, names: Sequence[str] | None = None) -> pd.DataFrame:
         """The last rows of :attr:`attempts`, made without the others; ``names`` as in :meth:`rows`."""
@@ -284,6 +285,9 @@ class GraspDataset:
                     self._read_range(viewpoint, ulid, number, number + 1)
                 raise
             raise CorruptDataError(f"attempt {attempt_id(ulid, start)}: {error}") from error
+        for number, frame in enumerate(frames, start):
+            if not np.isfinite(frame.pose_base_tool).all():
+                raise impossible(ulid, number, f"{viewpoint}/pose_base_tool", frame.pose_base_tool, "finite numbers")
         return [(attempt_id(ulid, number), frame) for number, frame in enumerate(frames, start)]
 
     def _chosen(self, ulid: str, numbers: NDArray[np.int64], name: str) -> NDArray[Any]:
@@ -332,7 +336,7 @@ class GraspDataset:
     def _column(self, ulid: str, name: str, start: int = 0, stop: int | None = None) -> NDArray[Any]:
         with unless_removed(self.repository, self.snapshot_id):
             array = array_at(self._group(ulid), f"attempts/{name}")
-            return read_rows(array, start, array.shape[0] if stop is None else stop)
+            return read_column(array, name, self._sessions[ulid], start, stop)
 
     def _group(self, ulid: str) -> zarr.Group:
         return group_at(self.root, f"{SESSIONS}/{ulid}")

@@ -207,8 +207,9 @@ class _Checked:
             self._count(node, 1)
             return self._numbers(node.args)
         if not isinstance(called, ast.Name | ast.Attribute):
-            self.kind(called)
-            return None
+            return self._refuse(
+                f"{_text(called)} cannot be called, expected abs() or a method of a column: is 'and' or 'or' missing?"
+            )
         if isinstance(called, ast.Name):
             return self._refuse(f"{_text(called)}() is no known function, expected abs() or a method of a column")
         if called.attr not in METHODS or called.attr == "str":

@@ -9,13 +9,14 @@ lost is missed (agreement.py).
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 
 import zarr
 
-from handsight.datasets.errors import RefNameError
+from handsight.datasets.errors import CorruptDataError, RefNameError
 
 LEDGER_BRANCH = "handsight.releases"
 """Not shown among the branches."""
@@ -115,8 +116,7 @@ def confirmed_releases(root: zarr.Group) -> dict[str, str | None]:
 
 def known_branches(root: zarr.Group) -> dict[str, str]:
     """The snapshot where each branch began, by name; of branches that an older handsight made nothing is known."""
-    attributes: dict[str, Any] = root.attrs.asdict()
-    return dict(attributes.get(_BRANCHES_KEY, {}))
+    return _stored(root, _BRANCHES_KEY, lambda began: isinstance(began, str))
 
 
 def enter_branch(root: zarr.Group, name: str, snapshot_id: str | None) -> None:
@@ -126,16 +126,38 @@ def enter_branch(root: zarr.Group, name: str, snapshot_id: str | None) -> None:
 
 
 def _entries(root: zarr.Group) -> dict[str, dict[str, Any]]:
-    attributes: dict[str, Any] = root.attrs.asdict()
-    return dict(attributes.get(_LEDGER_KEY, {}))
+    return _stored(root, _LEDGER_KEY, _is_release)
+
+
+def _is_release(entry: object) -> bool:
+    return isinstance(entry, dict) and isinstance(entry.get("snapshot"), str | None)
+
+
+def _stored(root: zarr.Group, key: str, sound: Callable[[object], bool]) -> dict[str, Any]:
+    """What the ledger says of each name.
+
+    Raises:
+        CorruptDataError: It says something else than handsight writes.
+    """
+    said = root.attrs.asdict().get(key, {})
+    strange = [] if isinstance(said, dict) else ["all of them"]
+    strange = strange or [name for name, entry in said.items() if not sound(entry)]
+    if strange:
+        raise CorruptDataError(
+            f"the ledger's entries of {key} are damaged ({', '.join(map(str, strange[:5]))}): restore the dataset from "
+            "a copy"
+        )
+    return dict(said)
 
 
 def _release(name: str, snapshot_id: str, entry: dict[str, Any] | None) -> Release:
     if entry is None:
         return Release(name=name, snapshot_id=snapshot_id, message="", released_at=None)
-    return Release(
-        name=name,
-        snapshot_id=snapshot_id,
-        message=entry["message"],
-        released_at=datetime.fromisoformat(entry["released_at"]),
-    )
+    try:
+        message, when = str(entry["message"]), entry["released_at"]
+        released_at = None if when is None else datetime.fromisoformat(when)
+    except (KeyError, TypeError, ValueError) as error:
+        raise CorruptDataError(
+            f"the ledger's entry of release {name!r} is damaged ({error!r}): restore the dataset from a copy"
+        ) from error
+    return Release(name=name, snapshot_id=snapshot_id, message=message, released_at=released_at)

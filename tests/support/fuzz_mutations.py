@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, TypeVar
@@ -25,6 +26,8 @@ ODD_VALUES: tuple[Any, ...] = (
         "1_000",
         "../../etc/passwd",
     ),
+    *("0000-00-00", "9999-12-31T23:59:60", "2026-02-30T00:00:00", "10000-01-01", "2026-01-31T00:00:00+99:00"),
+    *(-(2**63), 2**63 - 1, 2**64, "\u0661\u0662", "1.7976931348623157e309", {"": {"": {}}}, {"__class__": "x"}),
 )
 ODD_WORDS = (
     *("", " ", "0", "-1", "1", "1.5", "1e400", "nan", "inf", "-inf", "9" * 400, "99999999999999w", "0x10", "1_000"),
@@ -119,11 +122,53 @@ def mutate_json_text(text: str, rng: np.random.Generator) -> str:
     """The text of a tree, changed as a tree mostly, and as text now and then."""
     if rng.random() < 0.2:
         return mutate_text(text, rng)
+    if rng.random() < 0.2:
+        return _beyond_json(text, rng)
     try:
         return json.dumps(mutate_json(json.loads(text), rng))
     except (ValueError, RecursionError):
         # It was spoilt before.
         return mutate_text(text, rng)
+
+
+_KEYS = re.compile(r'"[^"]+"\s*:')
+_NUMBERS = re.compile(r"-?\d+(\.\d+)?(e-?\d+)?")
+_BEYOND_NUMBERS = ("1e99999", "-1e99999", "9" * 5000, "NaN", "-Infinity", "0x10", "01", "1e-99999", "-0")
+
+
+def _beyond_json(text: str, rng: np.random.Generator) -> str:
+    """What no tree can say: a key that stands twice, numbers beyond all measure, nesting beyond any stack."""
+    pattern = _KEYS if rng.random() < 0.5 else _NUMBERS
+    found = list(pattern.finditer(text))
+    if not found or rng.random() < 0.1:
+        return "[" * 100_000 + text
+    place = one_of(found, rng)
+    if pattern is _KEYS:
+        odd = json.dumps(one_of(ODD_VALUES, rng))
+        return f"{text[: place.start()]}{place[0]} {odd}, {text[place.start() :]}"
+    return text[: place.start()] + one_of(_BEYOND_NUMBERS, rng) + text[place.end() :]
+
+
+def mutate_toml(text: str, rng: np.random.Generator) -> str:
+    """A line with another value, gone, twice, or under another table; or changed as text."""
+    lines = text.splitlines()
+    place = int(rng.integers(len(lines)))
+    key, equals, value = lines[place].partition("=")
+    kind = int(rng.integers(6))
+    if kind <= 1 and equals:
+        values = ("true", "-1", "1e400", "inf", "nan", "9" * 400, '""', '"\\u0000"', "[]", "[[]]", "{}", "1979-05-27")
+        chosen = one_of((*values, "[" * 5000, "0x10", "'../x'"), rng)
+        lines[place] = f"{key}= {chosen}"
+    elif kind == 2:
+        del lines[place]
+    elif kind == 3:
+        lines.insert(int(rng.integers(len(lines) + 1)), lines[place])
+    elif kind == 4 and equals:
+        other = one_of(("x", "a.b.c", '""', f"{key.strip()}.x"), rng)
+        lines[place] = f"{other} ={value}"
+    else:
+        return mutate_text(text, rng)
+    return "\n".join(lines) + "\n"
 
 
 def mutate_cells(text: str, rng: np.random.Generator) -> str:
@@ -153,12 +198,14 @@ def mutate_file(path: Path, rng: np.random.Generator) -> None:
             path.mkdir,
             lambda: path.symlink_to(path),
             lambda: path.symlink_to("/dev/null"),
+            lambda: path.symlink_to(path.parent),
+            lambda: path.symlink_to("\udcff" * 100),
             lambda: None,
         )
         one_of(replace, rng)()
         return
     content = path.read_bytes()
-    how = {".json": mutate_json_text, ".csv": mutate_cells, ".jsonl": mutate_text, ".toml": mutate_text}.get(
+    how = {".json": mutate_json_text, ".csv": mutate_cells, ".jsonl": mutate_text, ".toml": mutate_toml}.get(
         path.suffix
     )
     if how is None or rng.random() < 0.2:

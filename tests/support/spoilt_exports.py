@@ -57,9 +57,15 @@ def spoil_zarr(folder: Path, rng: np.random.Generator) -> None:
 
 
 def _other_attribute(file: h5py.File, name: str, rng: np.random.Generator) -> None:
-    holder = _choice((file, file["data"], *file["data"].values(), *file["sessions"].values()), rng)
-    if len(holder.attrs):
-        holder.attrs[_choice(sorted(holder.attrs), rng)] = _choice(ODD_ATTRIBUTES, rng)
+    nodes: list[Any] = [file]
+    file.visititems(lambda _, node: nodes.append(node))
+    holder = _choice([node for node in nodes if len(node.attrs)], rng)
+    key = _choice(sorted(holder.attrs), rng)
+    text = holder.attrs[key]
+    if isinstance(text, str) and text.startswith(("{", "[")) and rng.random() < 0.6:
+        holder.attrs[key] = mutate_json_text(text, rng).encode(errors="replace").replace(b"\0", b"")[:60_000]
+    else:
+        holder.attrs[key] = _choice(ODD_ATTRIBUTES, rng)
 
 
 def _no_node(file: h5py.File, name: str, rng: np.random.Generator) -> None:
@@ -90,18 +96,23 @@ def _other_values(file: h5py.File, name: str, rng: np.random.Generator) -> None:
     elif isinstance(node, h5py.Dataset) and node.dtype.kind in "iu":
         node[...] = _choice((0, 1, 99, 127), rng)
     elif isinstance(node, h5py.Dataset) and h5py.check_string_dtype(node.dtype) and node.shape == ():
-        text = json.loads(node.asstr()[()])
+        text = node.asstr()[()]
         del file[name]
-        file[name] = json.dumps(_choice((*ODD_VALUES, text, [text], {"header": text}), rng))
+        spoilt = mutate_json_text(text, rng) if rng.integers(2) else json.dumps(_choice(ODD_VALUES, rng))
+        file[name] = spoilt.encode(errors="replace").replace(b"\0", b"").decode(errors="replace")
 
 
 def _link(file: h5py.File, name: str, rng: np.random.Generator) -> None:
     del file[name]
-    file[name] = _choice((h5py.SoftLink("/data"), h5py.ExternalLink("/etc/passwd", "/"), file["data"], file), rng)
+    links = (h5py.SoftLink("/data"), h5py.SoftLink(name), h5py.ExternalLink("/etc/passwd", "/"), file["data"], file)
+    file[name] = _choice(links, rng)
 
 
 def _moved(file: h5py.File, name: str, rng: np.random.Generator) -> None:
-    file.move(name, _choice(("x", "data/demo_x", "sessions/x", "mask/x", "data/demo_99"), rng))
+    places = ("x", "data/demo_x", "sessions/x", "mask/x", "data/demo_99", "\u00e9\u202e", "data/x/y/z")
+    place = _choice([one for one in places if one not in file], rng)
+    if not place.startswith(f"{name}/"):
+        file.move(name, place)
 
 
 def _choice(options: Any, rng: np.random.Generator) -> Any:

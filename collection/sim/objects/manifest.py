@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -17,6 +17,8 @@ from typing import Any
 from handsight.collection.errors import ObjectSetError
 from handsight.collection.sim.objects.model import ObjectModel
 from handsight.collection.sim.objects.urdf import URDF_FILE
+from handsight.datasets.errors import HeaderError
+from handsight.datasets.format.typed import listed, shown, typed
 
 MANIFEST_FILE = "manifest.json"
 MANIFEST_FORMAT = 1
@@ -95,41 +97,42 @@ def _parse(path: Path, content: Any) -> Manifest:
     if not isinstance(content, dict) or content.get("format") != MANIFEST_FORMAT:
         found = content.get("format") if isinstance(content, dict) else type(content).__name__
         raise ObjectSetError(
-            f"{path} has format {found!r}, expected {MANIFEST_FORMAT}; delete its folder and import the meshes again "
-            "with this version"
+            f"{path} has format {shown(found)}, expected {MANIFEST_FORMAT}; delete its folder and import the meshes "
+            "again with this version"
         )
     try:
-        name, settings, entries = content["name"], content["settings"], content["objects"]
-        if not (isinstance(name, str) and isinstance(settings, dict) and isinstance(entries, list)):
-            raise TypeError("name, settings and objects are not text, an object and a list")
-        return Manifest(name=name, settings=settings, objects=tuple(_entry(entry) for entry in entries))
-    except (KeyError, TypeError, ValueError, OverflowError) as error:
-        raise ObjectSetError(
-            f"{path} is incomplete ({error!r}); delete its folder and import the meshes again"
-        ) from error
+        manifest = typed(Manifest, _without_news(content))
+        faults = [fault for entry in manifest.objects for fault in _impossible(entry)]
+        if faults:
+            raise HeaderError(listed(faults))
+    except HeaderError as error:
+        raise ObjectSetError(f"{path} is damaged: {error}; delete its folder and import the meshes again") from error
+    return manifest
 
 
-def _entry(content: Any) -> ObjectEntry:
-    if not isinstance(content, dict):
-        raise TypeError(f"an object is {type(content).__name__}, expected its name, source and hash")
+def _without_news(content: dict[str, Any]) -> dict[str, Any]:
+    """What this version knows of a manifest: a later one of the same format may say more."""
     known = {field.name for field in fields(ObjectEntry)}
-    values = {key: value for key, value in content.items() if key in known}
-    x_m, y_m, z_m = (_positive("size_m", extent) for extent in values["size_m"])
-    for key in ("name", "source", "licence", "sha256", "split", "source_sha256"):
-        if not isinstance(values.get(key, ""), str):
-            raise TypeError(f"{key} is {str(values[key])[:40]!r}, expected text")
-    for key in ("scale", "mass_kg"):
-        values[key] = _positive(key, values[key])
-    entry = ObjectEntry(**{**values, "size_m": (x_m, y_m, z_m)})
+    manifest = {field.name: content[field.name] for field in fields(Manifest) if field.name in content}
+    entries = manifest.get("objects")
+    if isinstance(entries, list):
+        manifest["objects"] = [
+            {key: value for key, value in entry.items() if key in known} if isinstance(entry, dict) else entry
+            for entry in entries
+        ]
+    return manifest
+
+
+def _impossible(entry: ObjectEntry) -> Iterator[str]:
+    """What no object has, of an entry whose types are right."""
+    lengths = {f"size_m[{at}]": extent for at, extent in enumerate(entry.size_m)}
+    for key, value in {"scale": entry.scale, "mass_kg": entry.mass_kg, **lengths}.items():
+        if not 0 < value < math.inf:
+            yield f"{key} of object {shown(entry.name)} is {shown(value)}, expected a positive number"
+    if len(entry.size_m) != 3:
+        yield f"size_m of object {shown(entry.name)} has {len(entry.size_m)} numbers, expected 3"
     if not entry.name or Path(entry.name).name != entry.name or "\0" in entry.name:
-        raise ValueError(f"object name {entry.name[:40]!r}")
-    return entry
-
-
-def _positive(key: str, value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < math.inf:
-        raise ValueError(f"{key} is {str(value)[:40]!r}, expected a positive number")
-    return float(value)
+        yield f"an object is called {shown(entry.name)}, expected the name of a folder"
 
 
 def load_models(folder: Path, *, splits: Iterable[str] | None = None) -> tuple[ObjectModel, ...]:

@@ -43,22 +43,27 @@ from __future__ import annotations
 
 import math
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeGuard
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from handsight.datasets.errors import InterchangeError, headline
 from handsight.datasets.exchange.mapped.poses import CONVENTIONS, transform_of
+from handsight.datasets.format.checks import Check, is_number, number, one_of, whole
+from handsight.datasets.format.typed import shown
 from handsight.datasets.machine import of_the_machine
 
 Frame = str | int
 """``first``, ``last``, ``lowest``, ``any``, or a number; negative ones count from the end."""
 
 _LARGEST_FILE = 1 << 20
+_LAST_FRAME = (1 << 31) - 1
+_MOST = 1e9
+"""Of any number of a map."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,10 +99,6 @@ class GraspMap:
     pregrasp_height_m: float
     text: dict[str, Any]
     """The file as JSON values, for the header of the session."""
-
-
-_Check = Callable[[object], str | None]
-"""What was expected instead of a value; None where nothing is wrong with it."""
 
 
 def read_map(path: Path) -> GraspMap:
@@ -162,18 +163,13 @@ def _map_of(values: Mapping[str, Mapping[str, Any]]) -> GraspMap:
     )
 
 
-def _number(value: object) -> TypeGuard[float]:
-    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < 1e9
-
-
-def _length(low: float, high: float) -> _Check:
+def _length(low: float, high: float) -> Check:
     """A length within a range; one a thousand times too large is taken for millimetres."""
+    expected, meant = number(low, high, f"metres from {low:g} to {high:g}"), number(1000 * low, 1000 * high)
 
     def check(value: object) -> str | None:
-        if _number(value) and low <= value <= high:
-            return None
-        meant = _number(value) and high < abs(value) and low <= abs(value) / 1000 <= high
-        return f"metres from {low:g} to {high:g}" + (": millimetres?" if meant else "")
+        fault = expected(value)
+        return fault if fault is None or meant(value) is not None else f"{fault}: millimetres?"
 
     return check
 
@@ -182,29 +178,25 @@ def _text(value: object) -> str | None:
     return None if isinstance(value, str) and value else "the name of a column"
 
 
-def _frame(*words: str) -> _Check:
+def _frame(*words: str) -> Check:
     def check(value: object) -> str | None:
-        number = isinstance(value, int) and not isinstance(value, bool) and abs(value) < 1 << 31
-        return None if number or (isinstance(value, str) and value in words) else f"{', '.join(words)} or a number"
+        fits = whole(-_LAST_FRAME, _LAST_FRAME)(value) is None or one_of(*words)(value) is None
+        return None if fits else f"{', '.join(words)} or a number"
 
     return check
 
 
-def _one_of(*words: str) -> _Check:
-    return lambda value: None if isinstance(value, str) and value in words else f"one of {', '.join(words)}"
-
-
-def _within(low: float, high: float, what: str) -> _Check:
-    return lambda value: None if _number(value) and low <= value <= high else what
-
-
 def _depth_unit(value: object) -> str | None:
-    fits = value in ("mm", "m") if isinstance(value, str) else _number(value) and 1e-6 <= value <= 1
+    fits = value in ("mm", "m") or is_number(value, 1e-6, 1)
     return None if fits else "mm, m, or the metres of one unit"
 
 
 def _scalar(value: object) -> str | None:
-    return None if isinstance(value, bool | str) or _number(value) else "a truth value, a number or a text"
+    return (
+        None
+        if isinstance(value, bool | str) or is_number(value, -_MOST, _MOST)
+        else "a truth value, a number or a text"
+    )
 
 
 def _transform(value: object) -> str | None:
@@ -217,12 +209,12 @@ def _transform(value: object) -> str | None:
     return None
 
 
-_TABLES: dict[str, dict[str, tuple[bool, _Check]]] = {
+_TABLES: dict[str, dict[str, tuple[bool, Check]]] = {
     "label": {
         "column": (True, _text),
         "frame": (False, _frame("first", "last", "any")),
         "success": (False, _scalar),
-        "above": (False, _within(-1e9, 1e9, "a number")),
+        "above": (False, number(-_MOST, _MOST, "a number")),
     },
     "picture": {
         "rgb": (True, _text),
@@ -232,20 +224,20 @@ _TABLES: dict[str, dict[str, tuple[bool, _Check]]] = {
     },
     "pose": {
         "column": (True, _text),
-        "convention": (True, _one_of(*CONVENTIONS)),
-        "first": (False, lambda value: None if type(value) is int and 0 <= value < 4096 else "a place from 0"),
-        "unit": (False, _one_of("m", "mm")),
+        "convention": (True, one_of(*CONVENTIONS)),
+        "first": (False, whole(0, 4095, "a place from 0")),
+        "unit": (False, one_of("m", "mm")),
         "grasp_frame": (False, _frame("first", "last", "lowest")),
         "z_m": (False, _length(-1, 3)),
         "column_to_tool": (False, _transform),
         "table_z_m": (False, _length(-3, 3)),
     },
     "camera": {
-        **{name: (True, _within(1, 1e5, "pixels, 1 to 100000")) for name in ("fx", "fy")},
-        **{name: (True, _within(-1e5, 1e5, "pixels")) for name in ("cx", "cy")},
+        **{name: (True, number(1, 1e5, "pixels, 1 to 100000")) for name in ("fx", "fy")},
+        **{name: (True, number(-1e5, 1e5, "pixels")) for name in ("cx", "cy")},
         "pose_tool_camera": (False, _transform),
         "pose_base_camera": (False, _transform),
-        "largest_tilt_deg": (False, _within(0, 90, "degrees, 0 to 90")),
+        "largest_tilt_deg": (False, number(0, 90, "degrees, 0 to 90")),
     },
     "gripper": {
         "stroke_m": (True, _length(0.005, 0.5)),
@@ -262,13 +254,13 @@ def _faults(values: Mapping[str, Any], text: str) -> list[str]:
     for table, entries in _TABLES.items():
         given = values.get(table, {})
         if not isinstance(given, dict):
-            faults.append(f"{_at(text, table)}{table} is {_shown(given)}, expected a table [{table}]")
+            faults.append(f"{_at(text, table)}{table} is {shown(given)}, expected a table [{table}]")
             continue
         for key, value in given.items():
             if key not in entries:
                 faults.append(f"{_at(text, table, key)}[{table}] {key} is unknown, expected {', '.join(entries)}")
             elif expected := entries[key][1](value):
-                faults.append(f"{_at(text, table, key)}[{table}] {key} is {_shown(value)}, expected {expected}")
+                faults.append(f"{_at(text, table, key)}[{table}] {key} is {shown(value)}, expected {expected}")
         missing = [key for key, (required, _) in entries.items() if required and key not in given]
         faults += [f"[{table}] lacks {', '.join(missing)}"] * bool(missing)
     return faults or _contradictions(values, text)
@@ -298,21 +290,16 @@ def _contradictions(values: Mapping[str, Mapping[str, Any]], text: str) -> list[
     return faults
 
 
-def _shown(value: object) -> str:
-    text = repr(value)
-    return text if len(text) <= 60 else f"{text[:57]}..."
-
-
 def _at(text: str, table: str, key: str | None = None) -> str:
     """``line N: ``, where the entry can be found by looking."""
     inside = ""
-    for number, line in enumerate(text.splitlines(), 1):
+    for place, line in enumerate(text.splitlines(), 1):
         stripped = line.strip()
         if stripped.startswith("["):
             inside = stripped.strip("[]# ").partition("]")[0]
             if key is None and inside == table:
-                return f"line {number}: "
+                return f"line {place}: "
         name = stripped.partition("=")[0].strip().strip("\"'")
         if (inside == table and key is not None and name == key) or (not inside and key is None and name == table):
-            return f"line {number}: "
+            return f"line {place}: "
     return ""

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 import pandas as pd
 
-from handsight.datasets.format.arrays import array_at, read_all
+from handsight.datasets.format.arrays import array_at, read_range
 from handsight.datasets.format.schema import SESSIONS
 from handsight.datasets.format.sessions import SessionInfo
 from handsight.datasets.integrity.doctor.findings import Finding, attempt_finding
@@ -89,7 +89,7 @@ def _crop_findings(dataset: GraspDataset, session: SessionInfo, rows: pd.DataFra
     rows = rows[rows["overhead_taken"] & rows["recorded_success"].notna()]
     root = dataset.root
     array = array_at(root, f"{SESSIONS}/{session.ulid}/overhead/pose_base_tool")
-    poses = read_all(array)[rows["number"].to_numpy()]  # (N, 4, 4)
+    poses = read_range(array, 0, session.attempts)[rows["number"].to_numpy()]  # (N, 4, 4)
     camera = session.header.station.camera
     lens = camera.intrinsics
     u, v = grasp_pixels(camera, poses, rows)

@@ -10,7 +10,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from handsight.datasets.format import quantities
-from handsight.datasets.format.arrays import array_at, read_rows
+from handsight.datasets.format.arrays import array_at, read_range
 from handsight.datasets.format.quantities import Quantity, Range
 from handsight.datasets.format.schema import SESSIONS
 from handsight.datasets.format.sessions import SessionInfo
@@ -200,4 +200,4 @@ def _stored(dataset: GraspDataset, session: SessionInfo, path: str, rows: pd.Dat
     numbers = rows["number"].to_numpy(np.int64)
     array = array_at(dataset.root, f"{SESSIONS}/{session.ulid}/{path}")
     first = int(numbers.min())
-    return np.asarray(read_rows(array, first, int(numbers.max()) + 1)[numbers - first], np.float64)
+    return np.asarray(read_range(array, first, int(numbers.max()) + 1)[numbers - first], np.float64)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, replace
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -14,6 +15,7 @@ from tests.support.factories import make_attempt, make_header, make_scene, recor
 from tests.support.versions import opened
 
 from handsight.datasets import (
+    CorruptDataError,
     Curator,
     FoldsError,
     GraspRepository,
@@ -26,7 +28,7 @@ from handsight.datasets import (
     read_folds,
 )
 from handsight.datasets.curation.folds import GROUPINGS, assign_folds
-from handsight.datasets.format.arrays import array_at
+from handsight.datasets.format.arrays import array_at, group_at
 
 
 @pytest.fixture
@@ -110,7 +112,7 @@ def test_what_cannot_be_divided_is_refused(divided: GraspRepository) -> None:
         make_folds(divided, "a b", by="session", count=2, seed=0, author="anna")
     assert divided.resolve("main") == tip
     make_folds(divided, "cv", by="session", count=2, seed=0, author="anna")
-    with pytest.raises(RefNameError, match="folds 'cv' already"):
+    with pytest.raises(RefNameError, match=r"folds 'cv' already"):
         make_folds(divided, "cv", by="session", count=3, seed=0, author="anna")
     assert make_folds(divided, "cv", by="session", count=3, seed=0, author="anna", replace=True).count == 3
     with pytest.raises(UnknownNameError, match=r"no folds 'vc' in main \(folds: cv\)"):
@@ -151,3 +153,15 @@ def test_leaking_folds_are_refused(repository: GraspRepository) -> None:
     repository.commit(transaction, branch="main", message="tamper")
     with pytest.raises(FoldsError, match=r"they split 1 group over several folds \(object apple\)"):
         read_folds(opened(repository), "cv")
+
+
+@pytest.mark.parametrize("attributes", [{"count": "two"}, {"by": "colour"}, {"seed": None}, {"more": 1}])
+def test_folds_whose_description_is_damaged_are_made_anew(divided: GraspRepository, attributes: dict[str, Any]) -> None:
+    make_folds(divided, "cv", by="session", count=2, seed=0, author="anna")
+    transaction = divided.writable("main")
+    group_at(zarr.open_group(transaction.store, mode="r+"), "folds/cv").update_attributes(attributes)
+    divided.commit(transaction, branch="main", message="tamper")
+    with pytest.raises(CorruptDataError, match=r"folds 'cv' are damaged: .*; make them anew with --replace"):
+        read_folds(opened(divided), "cv")
+    make_folds(divided, "cv", by="session", count=2, seed=0, author="anna", replace=True)
+    assert read_folds(opened(divided), "cv").count == 2

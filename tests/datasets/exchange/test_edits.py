@@ -13,7 +13,7 @@ import pyarrow.parquet as pq
 import pytest
 from tests.support.factories import make_attempt, make_header, record
 
-from handsight.datasets import GraspDataset, GraspRepository, InterchangeError, export_dataset, import_dataset
+from handsight.datasets import GraspDataset, GraspRepository, InterchangeError, Outcome, export_dataset, import_dataset
 from handsight.datasets.curation.curator import Curator
 from handsight.datasets.exchange.edits import Comparison, Edits, decisions_of
 from handsight.datasets.format.decisions import Action, Overlay
@@ -134,7 +134,7 @@ def test_the_message_names_a_few_places_of_every_fault() -> None:
 
 def test_a_restored_mask_survives_its_own_curation(repository: GraspRepository, tmp_path: Path) -> None:
     header = make_header(seed=1)
-    record(repository, header, [make_attempt(header, number) for number in range(4)])
+    record(repository, header, [make_attempt(header, number, outcome=Outcome.HELD) for number in range(4)])
     ids = GraspDataset(repository, ref="main").attempts.index
     Curator(repository, author="jo").exclude(Selection(ids=tuple(ids[:2])), "dark")
     export_dataset(GraspDataset(repository, ref="main"), tmp_path / "out", format="hdf5")

@@ -32,14 +32,16 @@ def test_hdf5_reads_as_robomimic_does(dataset: GraspDataset, tmp_path: Path) -> 
     export_dataset(dataset, tmp_path / "out.hdf5", format="hdf5")
     with h5py.File(tmp_path / "out.hdf5") as file:
         assert json.loads(file["data"].attrs["env_args"]).keys() == {"env_name", "type", "env_kwargs"}
-        assert file["data"].attrs["total"] == len(file["data"]) == 24
+        assert file["data"].attrs["total"] == len(file["data"])
+        assert len(file["data"]) + len(file["unlabelled"]) == 24
         labelled = {name.decode() for name in file["mask/labelled"]}
         excluded = {name.decode() for name in file["mask/excluded"]}
-        for name, demo in file["data"].items():
+        assert labelled == set(file["data"])
+        for name, demo in (*file["data"].items(), *file["unlabelled"].items()):
             row = dataset.attempts.loc[demo.attrs["attempt"]]
             assert demo.attrs["num_samples"] == 1
             assert (name in labelled) == (row["outcome"] in ("held", "empty"))
-            assert (name in excluded) == row["excluded"]
+            assert (name in excluded) == (row["excluded"] and name in labelled)
             assert demo["rewards"][0] == float(row["outcome"] == "held")
             assert {len(demo["obs"][key]) for key in demo["obs"]} <= {1}
             if row["overhead_taken"]:
@@ -47,6 +49,26 @@ def test_hdf5_reads_as_robomimic_does(dataset: GraspDataset, tmp_path: Path) -> 
                 np.testing.assert_array_equal(demo["obs/overhead_rgb"][0], expected.rgb)
                 np.testing.assert_array_equal(demo["obs/overhead_depth"][0], expected.depth)
                 assert demo["obs/overhead_depth"].compression == "gzip"
+
+
+def test_robomimic_needs_no_filter_key(dataset: GraspDataset, tmp_path: Path) -> None:
+    """It reads every demo of data, and wants the same observations of each."""
+    export_dataset(dataset, tmp_path / "out.hdf5", format="hdf5")
+    with h5py.File(tmp_path / "out.hdf5") as file:
+        assert len(file["unlabelled"]) > 0
+        assert all({"overhead_rgb", "overhead_depth"} <= set(demo["obs"]) for demo in file["data"].values())
+
+
+def test_an_older_export_with_all_demos_in_data_comes_back(dataset: GraspDataset, tmp_path: Path) -> None:
+    export_dataset(dataset, tmp_path / "out.hdf5", format="hdf5")
+    with h5py.File(tmp_path / "out.hdf5", "r+") as file:
+        for name in list(file["unlabelled"]):
+            file.move(f"unlabelled/{name}", f"data/{name}")
+        del file["unlabelled"]
+        file["data"].attrs["total"] = len(file["data"])
+    report = import_dataset(tmp_path / "out.hdf5", tmp_path / "back").transfer
+    back = GraspDataset.open(str(tmp_path / "back"))
+    assert (report.attempts, back.digest, report.edits) == (24, dataset.digest, ())
 
 
 def edited_hdf5(edit: Callable[[h5py.File], object]) -> Callable[[Path], None]:

@@ -18,16 +18,16 @@ def replace(file: h5py.File, name: str, value: object) -> None:
 
 
 def demo_of(file: h5py.File, *, labelled: bool) -> str:
-    names = {name.decode() for name in file["mask/labelled"]}
-    return next(f"data/{name}" for name in file["data"] if (name in names) == labelled)
+    group = "data" if labelled else "unlabelled"
+    return f"{group}/{min(file[group])}"
 
 
 REFUSED: dict[str, tuple[Callable[[h5py.File], object], str]] = {
     "actions": (
-        lambda file: file["data/demo_2/actions"].__setitem__(0, 0.9),
-        r"actions is not what was recorded \(demo_2\)",
+        lambda file: file["data/demo_3/actions"].__setitem__(0, 0.9),
+        r"actions is not what was recorded \(demo_3\)",
     ),
-    "a shape": (lambda file: replace(file, "data/demo_2/actions", np.zeros((2, 3))), r"not 3 numbers \(demo_2\)"),
+    "a shape": (lambda file: replace(file, "data/demo_3/actions", np.zeros((2, 3))), r"not 3 numbers \(demo_3\)"),
     "no label": (
         lambda file: file[demo_of(file, labelled=False)]["rewards"].__setitem__(0, 1),
         "labels an attempt that did not run to its end",
@@ -36,11 +36,11 @@ REFUSED: dict[str, tuple[Callable[[h5py.File], object], str]] = {
         lambda file: file[demo_of(file, labelled=True)]["rewards"].__setitem__(0, 0.5),
         "neither 0 nor 1",
     ),
-    "dones": (lambda file: file["data/demo_2/dones"].__setitem__(0, 0), r"dones is not 1 \(demo_2\)"),
-    "a demo more": (lambda file: file.copy("data/demo_2", "data/demo_24"), r"demos were added \(demo_24\)"),
+    "dones": (lambda file: file["data/demo_3/dones"].__setitem__(0, 0), r"dones is not 1 \(demo_3\)"),
+    "a demo more": (lambda file: file.copy("data/demo_3", "data/demo_24"), r"demos were added \(demo_24\)"),
     "an observation more": (
-        lambda file: file["data/demo_2/obs"].__setitem__("force", np.zeros((1, 3))),
-        r"obs/force was added \(demo_2\)",
+        lambda file: file["data/demo_3/obs"].__setitem__("force", np.zeros((1, 3))),
+        r"obs/force was added \(demo_3\)",
     ),
     "an observation less": (
         lambda file: file[demo_of(file, labelled=True)]["obs"].__delitem__("overhead_rgb"),
@@ -59,7 +59,11 @@ REFUSED: dict[str, tuple[Callable[[h5py.File], object], str]] = {
         lambda file: replace(file, "mask/labelled", np.array(["demo_0"], dtype="S")),
         "mask/labelled differs",
     ),
-    "total": (lambda file: file["data"].attrs.__setitem__("total", 7), "total is not 24 demos"),
+    "total": (lambda file: file["data"].attrs.__setitem__("total", 7), r"total is not \d\d demos"),
+    "another group": (
+        lambda file: file.move(demo_of(file, labelled=False), "data/" + min(file["unlabelled"])),
+        r"demos of data and unlabelled changed places \(demo_\d+\)",
+    ),
 }
 
 

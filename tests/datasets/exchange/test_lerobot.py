@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import zipfile
@@ -55,6 +56,20 @@ def _claim_rows(path: Path) -> None:
         np.lib.format.write_array_header_1_0(entry, {"descr": "<i8", "fortran_order": False, "shape": (10**11,)})
 
 
+def _open_bracket(path: Path) -> None:
+    """A header that NumPy hands to Python's tokenizer, which comes to no end of it."""
+    file = next((path / "meta/handsight").glob("*.npz"))
+    header = b"{'descr': '<i8', 'fortran_order': False, 'shape': (3L,\n"
+    with zipfile.ZipFile(file, "w") as archive:
+        archive.writestr("attempts.number.npy", b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header)
+
+
+def _begin_nowhere(path: Path) -> None:
+    file = next((path / "meta/handsight").glob("0*.json"))
+    described = json.loads(file.read_text())
+    file.write_text(json.dumps({**described, "first_episode": float("inf")}))
+
+
 def _edited_rows(edit: Callable[[list[dict[str, Any]]], object]) -> Callable[[Path], None]:
     """What a user does who opens a data file, changes something, and writes it again, one row in each group."""
 
@@ -87,8 +102,10 @@ BAD_LEROBOT: dict[str, tuple[Callable[[Path], None], str]] = {
     "pickle": (_pickle_column, "lacks what handsight exports"),
     "session name": (_climb, "lacks what handsight exports|its 3 attempts in 1 session are not those"),
     "a bomb of rows": (_claim_rows, "claims 100000000000 attempts, and the data have 24 rows"),
+    "an open bracket": (_open_bracket, r"lacks what handsight exports .*\(TokenError"),
+    "no first episode": (_begin_nowhere, "first_episode of session .* is inf, expected a whole number of 0 to 24"),
     "depth between units": (_edited_rows(_lift), "not in whole units of 0.001 m: it was changed"),
-    "another size": (_edited_rows(_enlarge), "a picture is 800x600, expected 8x6"),
+    "another size": (_edited_rows(_enlarge), "a picture has 800x600 pixels, expected 8x6"),
     "a flag": (_edited_rows(_deny), "valid.pregrasp is False, and what was recorded says True"),
     "link": (lambda path: (path / "data/x").symlink_to("/"), "holds a link at"),
 }

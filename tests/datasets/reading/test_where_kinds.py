@@ -71,6 +71,8 @@ def test_like_is_compared_with_like(where: str) -> None:
         ("not target", "target holds text, expected what is true or false"),
         ("success + 1 == 2", "success cannot be calculated with, expected numbers"),
         ("target * 1000000000 == 'a'", "text cannot be calculated with"),
+        ("99 (sucess == 1)", "99 cannot be called, expected abs() or a method of a column"),
+        ("success (number)(1)", "success(number) cannot be called"),
         ("[1] * 1000000000 == number", "the list [1] cannot be calculated with"),
         ("'cup' in target", "target is no list"),
         ("target in 'cup'", "'cup' is no list"),

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import icechunk
 import pytest
+import zarr
 from tests.support.factories import make_attempt, make_header, record
+from zarr.storage import MemoryStore
 
-from handsight.datasets import GraspDataset, GraspRepository, RefNameError, RefNotFoundError
+from handsight.datasets import CorruptDataError, GraspDataset, GraspRepository, RefNameError, RefNotFoundError
 from handsight.datasets.store import icechunk_engine
+from handsight.datasets.store.releases import known_branches, read_ledger
 
 
 def test_a_release_names_the_very_snapshot_and_never_moves(repository: GraspRepository) -> None:
@@ -51,3 +56,27 @@ def test_a_release_of_an_unknown_ref_changes_nothing(repository: GraspRepository
         repository.release("v1", "nope")
     assert repository.releases() == {}
     assert repository.release("v1").name == "v1"
+
+
+@pytest.mark.parametrize(
+    ("attributes", "said"),
+    [
+        ({"releases": ["v1"]}, r"entries of releases are damaged \(all of them\)"),
+        ({"releases": {"v1": "x"}}, r"entries of releases are damaged \(v1\)"),
+        ({"releases": {"v1": {"message": "", "released_at": None, "snapshot": 5}}}, r"releases are damaged \(v1\)"),
+        ({"releases": {"v1": {"message": ""}}}, "entry of release 'v1' is damaged"),
+        ({"releases": {"v1": {"message": "", "released_at": "yesterday"}}}, "entry of release 'v1' is damaged"),
+        ({"branches": "main"}, r"entries of branches are damaged \(all of them\)"),
+        ({"branches": {"trial": None}}, r"entries of branches are damaged \(trial\)"),
+    ],
+)
+def test_a_ledger_that_nobody_wrote_is_damaged(attributes: dict[str, Any], said: str) -> None:
+    ledger = zarr.create_group(MemoryStore(), attributes=attributes)
+    with pytest.raises(CorruptDataError, match=said):
+        assert (read_ledger(ledger, {"v1": "A"}), known_branches(ledger)) == ()
+
+
+def test_a_release_without_a_time_is_read() -> None:
+    entry = {"message": "first", "released_at": None, "snapshot": "A"}
+    ledger = zarr.create_group(MemoryStore(), attributes={"releases": {"v1": entry}})
+    assert read_ledger(ledger, {"v1": "A"})["v1"].released_at is None

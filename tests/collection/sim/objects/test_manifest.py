@@ -34,9 +34,15 @@ def test_a_folder_without_a_manifest_is_refused(tmp_path: Path) -> None:
         ("", "cannot be read"),
         ("[]", "has format 'list', expected 1"),
         ('{"format": 99}', "has format 99, expected 1"),
-        ('{"format": 1, "name": "x"}', "is incomplete"),
-        ('{"format": 1, "name": "x", "settings": {}, "objects": ["cup"]}', "is incomplete .*an object is str"),
-        ('{"format": 1, "name": "x", "settings": 3, "objects": []}', "is incomplete"),
+        ('{"format": 1, "name": "x"}', "is damaged: settings is missing; objects is missing"),
+        (
+            '{"format": 1, "name": "x", "settings": {}, "objects": ["cup"]}',
+            r"objects\[0\] is 'cup', expected an object",
+        ),
+        (
+            '{"format": 1, "name": "x", "settings": 3, "objects": 7}',
+            r"settings is 3, .*; objects is 7, expected a list",
+        ),
         ("[" * 100_000, "cannot be read"),
     ],
 )
@@ -50,8 +56,18 @@ def test_a_manifest_cannot_lead_out_of_its_folder(household: Path, tmp_path: Pat
     content = json.loads((household / MANIFEST_FILE).read_text())
     content["objects"][0]["name"] = "../mug"
     (tmp_path / MANIFEST_FILE).write_text(json.dumps(content))
-    with pytest.raises(ObjectSetError, match="is incomplete"):
+    with pytest.raises(ObjectSetError, match=r"an object is called '\.\./mug', expected the name of a folder"):
         load_object_set(str(tmp_path))
+
+
+def test_sizes_that_no_object_has_are_all_named(household: Path, tmp_path: Path) -> None:
+    """What a later version says besides is passed over."""
+    content = {**json.loads((household / MANIFEST_FILE).read_text()), "more": 1}
+    content["objects"][0] |= {"scale": -1, "more": 1}
+    content["objects"][1] |= {"mass_kg": float("nan"), "size_m": [0.1, 0.1]}
+    (tmp_path / MANIFEST_FILE).write_text(json.dumps(content))
+    with pytest.raises(ObjectSetError, match=r"scale of .* is -1, .*mass_kg of .* is nan, .*size_m of .* has 2"):
+        read_manifest(tmp_path)
 
 
 def test_damaged_objects_are_all_named(tmp_path: Path) -> None:

@@ -54,7 +54,7 @@ WRONG: dict[str, tuple[dict[str, dict[str, Any]], str]] = {
     "a plane without height": ({"pose": {"convention": "x_y_angle", "grasp_frame": 0}}, "lacks z_m"),
     "a frame": ({"picture": {"frame": "middle"}}, "frame is 'middle', expected first, last or a number"),
     "a unit": ({"picture": {"depth": "d", "depth_unit": "cm"}}, "mm, m, or the metres of one unit"),
-    "a truth value for a number": ({"pose": {"first": True}}, "first is True, expected a place"),
+    "a truth value for a number": ({"pose": {"first": True}}, "first is true, expected a place"),
     "closed wider than open": ({"gripper": {"closed_width_m": 0.09}}, "closed_width_m is not below stroke_m"),
     "a missing table": ({"gripper": {"stroke_m": None}}, r"\[gripper\] lacks stroke_m"),
 }
