@@ -11,13 +11,14 @@ from pathlib import Path
 
 import google_crc32c
 
-from handsight.datasets.address import Location, S3Prefix
+from handsight.datasets.address import DEFAULT_REF, Location, S3Prefix, no_dataset_at
 from handsight.datasets.errors import CorruptDataError, DatasetError, SchemaError, StorageError
 from handsight.datasets.format.schema import SESSIONS
 from handsight.datasets.integrity.verify import check_sessions, damage_beside
 from handsight.datasets.machine import machine_blamed
 from handsight.datasets.reading.reader import GraspDataset
 from handsight.datasets.store.inspection import FileDamage, VersionFiles, inspect
+from handsight.datasets.store.layout import is_icechunk_folder
 from handsight.datasets.store.repository import GraspRepository
 
 _REMEDY = "put it back from a copy of the dataset, or let 'handsight dataset repair' replace its attempts"
@@ -79,8 +80,11 @@ def verify_all(
         on_checked: Called with the number of attempts checked so far, and with the number known to be checked.
 
     Raises:
+        DatasetNotFoundError: Nothing is in the bucket at that prefix.
         StorageError: The machine cannot read, so that what is damaged is not known.
     """
+    if isinstance(path, S3Prefix) and not is_icechunk_folder(path):
+        raise no_dataset_at(path)
     try:
         repository = GraspRepository.open(path, check=False)
     except CorruptDataError as error:
@@ -159,6 +163,9 @@ class _Versions:
 
 def _closed(path: Location, error: CorruptDataError) -> AllReport:
     """The report on a dataset of which nothing can be read, because Icechunk cannot begin with it."""
+    file = f"refs/branch.{DEFAULT_REF}/ref.json"
+    gone = not isinstance(path, S3Prefix) and not (path / file).exists()
+    missing = FileDamage(file=file, fault="is missing", needed_by=(DEFAULT_REF,), remedy=f"put {file} back from a copy")
     return AllReport(
         versions=(),
         snapshots=0,
@@ -167,7 +174,7 @@ def _closed(path: Location, error: CorruptDataError) -> AllReport:
         faults={},
         damaged_in={},
         damage=(str(error),),
-        files=(),
+        files=(missing,) * gone,
         lost_refs=(),
         unread=(),
     )

@@ -34,6 +34,7 @@ _OF_DAMAGE = (
     "no such file or directory",
     "No such file or directory",
     "snapshot not found",
+    "the repository doesn't exist",  # Asked only of what is known to be one: it goes by the branch main.
 )
 """What Icechunk says where it read a file of its own that is damaged, cut short or missing."""
 

@@ -103,7 +103,7 @@ class VersionFiles:
         nodes = {path: one for path, one in self._snapshot.nodes.items() if f"{path}/".startswith(f"/{folder}/")}
         paths = sorted(nodes)
         with self._inspector.reading(folder):
-            described = sync(_contents(self._store, [f"{path.strip('/')}/zarr.json" for path in paths]))
+            described = _descriptions(self._store, paths)
         return tuple((path, nodes[path], description) for path, description in zip(paths, described, strict=True))
 
 
@@ -115,6 +115,8 @@ class _Inspector:
         self._read: dict[str, _Snapshot | None] = {}
         self._needed_by: dict[str, dict[str, None]] = {}
         """Names of versions by snapshot."""
+        self._described: dict[str, dict[str, bytes | None]] = {}
+        """Metadata of the groups and arrays beside the attempts, by path, of every snapshot: no checksum covers it."""
         self._manifests: set[str] = set()
         self._found: dict[str, tuple[str, str]] = {}
         """Snapshot that needs it and fault, by file."""
@@ -237,6 +239,8 @@ class _Inspector:
         try:
             with self.reading("snapshot"):
                 store = self._engine.readonly_session(snapshot_id=snapshot_id).store
+                beside = sorted(path for path in found.nodes if not path.startswith(f"/{SESSIONS}/"))
+                self._described[snapshot_id] = dict(zip(beside, _descriptions(store, beside), strict=True))
         except CorruptDataError as error:
             self._note(f"snapshots/{snapshot_id}", snapshot_id, str(error))
             return found
@@ -293,20 +297,10 @@ class _Inspector:
             if moved and path not in touched:
                 yield f"{path} has other chunks, which the log does not say"
         yield from (f"{path} is changed in the log and not there" for path in sorted(touched - after.keys() - gone))
-        yield from self._unlike_metadata(parent, child, kept - touched)
-
-    def _unlike_metadata(self, parent: _Snapshot, child: _Snapshot, paths: set[str]) -> Iterator[str]:
-        """Groups and arrays beside the attempts of which no content has a checksum."""
-        try:
-            with self.reading("metadata"):
-                stores = [self._engine.readonly_session(snapshot_id=one.id).store for one in (parent, child)]
-                beside = sorted(one for one in paths if not one.startswith(f"/{SESSIONS}/"))
-                keys = [f"{path.strip('/')}/zarr.json".lstrip("/") for path in beside]
-                first, second = (sync(_contents(store, keys)) for store in stores)
-                unlike = [path for path, one, other in zip(beside, first, second, strict=True) if one != other]
-                yield from (f"{path} is described otherwise, which the log does not say" for path in unlike)
-        except CorruptDataError as error:
-            yield str(error)
+        described, before_that = self._described.get(child.id, {}), self._described.get(parent.id, {})
+        for path in sorted((described.keys() & before_that.keys() & kept) - touched):
+            if described[path] != before_that[path]:
+                yield f"{path} is described otherwise, which the log does not say"
 
     def _note(self, file: str, snapshot_id: str, fault: str) -> None:
         self._found.setdefault(file, (snapshot_id, fault))
@@ -335,6 +329,11 @@ class _Reading:
 
 async def _coordinates(session: icechunk.Session, path: str) -> list[tuple[int, ...]]:
     return [one async for one in session.chunk_coordinates(path)]
+
+
+def _descriptions(store: Store, paths: Sequence[str]) -> list[bytes | None]:
+    """Metadata of groups and arrays."""
+    return sync(_contents(store, [f"{path.strip('/')}/zarr.json".lstrip("/") for path in paths]))
 
 
 async def _contents(store: Store, keys: Sequence[str]) -> list[bytes | None]:
