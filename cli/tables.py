@@ -99,7 +99,7 @@ def print_facts(facts: Iterable[tuple[str, str]], *, indent: int = 0) -> None:
     room = screen_width() - indent - width - GAP
     for name, value in pairs:
         first, *rest = _wrapped(value, max(room, NARROWEST_PROSE))
-        console.print(" " * indent, (_padded(name, width), "bold"), " " * GAP, first)
+        console.print(" " * indent, bold(_padded(name, width + GAP) if first else name), first)
         for line in rest:
             console.print(" " * (indent + width + GAP), line)
 
