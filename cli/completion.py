@@ -115,10 +115,15 @@ def _version(text: str) -> GraspDataset:
     return GraspDataset.open(address)
 
 
-def _named(ctx: typer.Context) -> GraspDataset:
-    """The version that the words before name."""
-    given: dict[str, Any] = ctx.params
-    return _version(next(str(given[name]) for name in ("dataset", "before", "source") if given.get(name)))
+def _named(ctx: typer.Context, *arguments: str) -> GraspDataset:
+    """The version that the words before name: the first that is given of some arguments."""
+    # Where the last word is an option that waits for its value, nothing has been given its name yet.
+    positional = [one.name for one in ctx.command.params if one.param_type_name == "argument"]
+    given: dict[str, Any] = {
+        **dict(zip(positional, ctx.args, strict=False)),
+        **{k: v for k, v in ctx.params.items() if v},
+    }
+    return _version(next(str(given[name]) for name in arguments or ("dataset", "before") if given.get(name)))
 
 
 def _refs_there(ctx: typer.Context, incomplete: str) -> Iterable[str]:
@@ -153,7 +158,7 @@ def _attempts(ctx: typer.Context, incomplete: str) -> Iterator[str]:
 
 
 def _sessions(ctx: typer.Context, incomplete: str) -> Iterable[str]:
-    return (session.ulid for session in _named(ctx).sessions)
+    return (session.ulid for session in _named(ctx, "source").sessions)
 
 
 def _filters(ctx: typer.Context, incomplete: str) -> Iterable[str]:

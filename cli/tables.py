@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from handsight.cli.output import bold, console
+from handsight.datasets.errors import counted
 from handsight.datasets.format.beginnings import telling_length
 
 GAP = 2
@@ -99,7 +100,7 @@ def print_facts(facts: Iterable[tuple[str, str]], *, indent: int = 0) -> None:
     room = screen_width() - indent - width - GAP
     for name, value in pairs:
         first, *rest = _wrapped(value, max(room, NARROWEST_PROSE))
-        console.print(" " * indent, (_padded(name, width), "bold"), " " * GAP, first)
+        console.print(" " * indent, bold(_padded(name, width + GAP) if first else name), first)
         for line in rest:
             console.print(" " * (indent + width + GAP), line)
 
@@ -125,7 +126,9 @@ def table_lines(columns: Sequence[str | Column], rows: Sequence[Sequence[str]], 
         lines += _row_lines([strip.cells[number] for strip in strips], strips)
     if left_out:
         names = ", ".join(column.heading for column in whole if column in left_out)
-        lines += _wrapped(f"left out to fit {width} columns: {names}; {needed} columns have room", width)
+        lines += _wrapped(
+            f"left out to fit {counted(width, 'column')}: {names}; {counted(needed, 'column')} have room", width
+        )
     return lines
 
 

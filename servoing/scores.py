@@ -25,8 +25,9 @@ def check_scores(scores: NDArray[Any], count: int) -> None:
     good = (scores >= 0) & (scores <= 1)  # False for what is not a number.
     if not good.all():
         raise ScoreError(
-            f"{count - int(good.sum())} of {count} scores of a network are not in [0, 1] ({_found(scores[~good])}), "
-            "expected all: its weights or its inputs are damaged, or its training diverged; look at the run, or train "
+            f"{count - int(good.sum())} of {count} score{'s' * (count != 1)} of a network are not in [0, 1] "
+            f"({_found(scores[~good])}), expected all: its weights or its inputs are "
+            "damaged, or its training diverged; look at the run, or train "
             "again"
         )
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from tests.support.factories import make_attempt, make_header, record
 
 from handsight.datasets import AttemptNotFoundError, GraspDataset, GraspRepository
-from handsight.datasets.reading.attempt_ids import _beginning_with, resolve_attempt_ids
+from handsight.datasets.reading.attempt_ids import _beginning_with, resolve_attempt_ids, short_id
 
 
 @pytest.fixture(scope="module")
@@ -97,3 +97,13 @@ def test_beginnings_of_numbers_are_counted_without_being_listed(attempts: int, d
     for number in near:
         counted = sum(number in one for one in ranges)
         assert counted == (0 <= number < attempts and f"{number:06d}".startswith(digits))
+
+
+def test_short_ids_are_taken_back(grasps: GraspDataset) -> None:
+    ids = grasps.attempts.index.tolist()
+    shortened = short_id(grasps)
+    short = [shortened(one) for one in ids]
+    assert resolve_attempt_ids(grasps, short) == ids
+    assert len(set(short)) == len(ids)
+    assert all(re.fullmatch(r"[0-9A-Z]{8,26}-(0|[1-9][0-9]*)", one) for one in short)
+    assert max(map(len, short)) < len(ids[0])

@@ -8,10 +8,22 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from tests.support.factories import make_attempt, make_header, record
 
 from handsight.datasets import Curator, GraspAttempt, GraspDataset, GraspRepository, Outcome, Selection
-from handsight.datasets.reading.stats import ANGLE_BINS, MAP_CELLS, Histogram, LabelStats, _window_size, label_stats
+from handsight.datasets.reading.stats import (
+    ANGLE_BINS,
+    BINS,
+    FEWEST_IN_A_BIN,
+    MAP_CELLS,
+    Histogram,
+    LabelStats,
+    _by_quantile,
+    _window_size,
+    label_stats,
+)
 
 
 def placed(number: int, *, held: bool, force_n: float = 0.0, angle_rad: float = 0.0, x_m: float = 0.0) -> GraspAttempt:
@@ -110,3 +122,29 @@ def test_equal_values_have_one_bin(repository: GraspRepository) -> None:
 @pytest.mark.parametrize(("attempts", "size"), [(8000, 1000), (7999, 500), (1600, 200), (80, 10), (3, 10)])
 def test_smaller_versions_have_smaller_windows(attempts: int, size: int) -> None:
     assert _window_size(attempts) == size
+
+
+def test_rows_hold_nearly_equal_counts_and_frequent_values_are_by_themselves(repository: GraspRepository) -> None:
+    found = counted(repository, [placed(n, held=n >= 90, force_n=max(0.0, n - 89.0)) for n in range(130)])
+    assert [(one.name, one.attempts, one.successes) for one in found.force_n[:2]] == [("0", 90, 0), ("1 to 6", 6, 6)]
+    assert [one.attempts for one in found.force_n[1:]] == [6, 6, 6, 5, 6, 6, 5]
+    assert found.force_n[-1].name == "36 to 40"
+
+
+@given(values=st.lists(st.one_of(st.sampled_from([0.0, 1.0, 2.0]), st.floats(0, 9)), max_size=200))
+def test_every_value_is_in_one_row(values: list[float]) -> None:
+    rows = _by_quantile(np.array(values), np.array(values) > 1)
+    assert sum(row.attempts for row in rows) == len(values)
+    assert sum(row.successes for row in rows) == sum(value > 1 for value in values)
+    assert all(row.attempts for row in rows)
+    frequent = {value for value in values if values.count(value) * BINS > len(values)}
+    assert {f"{value:.4g}" for value in frequent} <= {row.name for row in rows}
+    spread = [row.attempts for row in rows if " to " in row.name]
+    assert len(rows) <= BINS + len(frequent) + 1
+    assert not spread or max(spread) <= max(2 * len(values) / BINS + 1, 2 * FEWEST_IN_A_BIN)
+
+
+def test_values_that_are_not_numbers_are_left_out() -> None:
+    rows = _by_quantile(np.array([math.nan, 1.0, math.inf]), np.array([True, True, False]))
+    assert [(row.name, row.attempts, row.successes) for row in rows] == [("1", 1, 1)]
+    assert _by_quantile(np.array([]), np.array([], dtype=bool)) == ()
