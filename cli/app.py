@@ -12,6 +12,7 @@ from typer.main import get_command
 from handsight import __version__
 from handsight.cli.interrupts import INTERRUPTED, INTERRUPTS
 from handsight.cli.lazy import LazyCommand, LazyGroup, lazy_app
+from handsight.cli.leaving import leave
 
 NOUNS = (
     LazyCommand(
@@ -128,4 +129,4 @@ def main() -> None:
     INTERRUPTS.install()
     status = run()
     INTERRUPTS.end()
-    sys.exit(status)
+    leave(status)
