@@ -14,6 +14,7 @@ from handsight import __version__
 from handsight.cli.completion import bash_words
 from handsight.cli.interrupts import INTERRUPTED, INTERRUPTS
 from handsight.cli.lazy import LazyCommand, LazyGroup, lazy_app
+from handsight.cli.leaving import leave
 
 NOUNS = (
     LazyCommand(
@@ -131,4 +132,4 @@ def main() -> None:
     INTERRUPTS.install()
     status = run()
     INTERRUPTS.end()
-    sys.exit(status)
+    leave(status)

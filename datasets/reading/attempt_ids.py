@@ -63,6 +63,8 @@ _Ranges = list[tuple[SessionInfo, range]]
 def _meant(sessions: Sequence[SessionInfo], text: str) -> _Ranges:
     """The attempts that a text can mean."""
     ulid, dash, digits = text.rpartition("-")
+    if dash and not ulid:
+        return []  # A number below zero, and not the attempt of that number in whatever session.
     number = _written_out(digits)
     if number is not None:
         exact = [(one, range(number, number + 1)) for one in sessions if one.ulid.startswith(ulid)]

@@ -51,10 +51,13 @@ def test_the_demo_leaves_what_it_promises(demo_folder: Path) -> None:
 def test_the_demo_again_does_nothing_twice(demo_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     written = {path: path.stat().st_mtime_ns for path in (demo_folder / "results.json", demo_folder / "run/run.json")}
     snapshot = GraspDataset.open(str(demo_folder / "grasps")).snapshot_id
-    assert run(["demo", "--out", str(demo_folder), "--attempts", "40", "--trials", "2"]) == 0
+    words = ["demo", "--out", str(demo_folder), "--attempts", "40", "--trials", "2"]
+    told = json_of(capsys, *words, "--json")
     assert {path: path.stat().st_mtime_ns for path in written} == written
     assert GraspDataset.open(str(demo_folder / "grasps")).snapshot_id == snapshot
-    assert "cem-1" in capsys.readouterr().out
+    assert told["rows"] == json.loads((demo_folder / "results.json").read_text())["rows"]
+    assert told["dataset"] == f"{demo_folder}/grasps@demo-seed0-40"
+    assert told["files"]["trace"] == str(demo_folder / "servo_trace.rrd")
 
 
 def test_info_and_ls_and_show_agree(demo_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -87,12 +90,20 @@ def test_evaluate_prints_the_contract(demo_folder: Path, capsys: pytest.CaptureF
     assert (row["method"], row["objects"], row["trials"]) == ("random", "household-test", 1)
 
 
-def test_heatmaps_and_servo_runs_are_written(demo_folder: Path, tmp_path: Path) -> None:
+def test_heatmaps_and_servo_runs_are_written(
+    demo_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     model = str(demo_folder / "run")
     heatmaps, picture, trace = tmp_path / "h.rrd", tmp_path / "h.png", tmp_path / "s.rrd"
     shown = ["heatmap", str(demo_folder / "grasps"), "--model", model, "--out", str(heatmaps), "--spacing", "40"]
-    assert run([*shown, "-n", "1", "--picture", str(picture)]) == 0
-    assert run(["servo", "--model", model, "--out", str(trace), "--method", "first-order", "--trial", "1"]) == 0
+    told = json_of(capsys, *shown, "-n", "1", "--picture", str(picture), "--json")
+    (attempt,) = GraspDataset.open(str(demo_folder / "grasps")).attempts.index[-1:]
+    assert told == {"recording": str(heatmaps), "picture": str(picture), "attempts": [attempt]}
+    servoed = ["servo", "--model", model, "--out", str(trace), "--method", "first-order", "--trial", "1"]
+    told = json_of(capsys, *servoed, "--json")
+    assert (told["recording"], told["method"], told["trial"]) == (str(trace), "first-order", 1)
+    assert 0 <= told["predicted_success"] <= 1
+    assert isinstance(told["success"], bool)
     assert heatmaps.read_bytes()[:4] == trace.read_bytes()[:4] == b"RRF2"
     drawn = cv2.imread(str(picture))
     assert drawn is not None
@@ -187,11 +198,13 @@ def test_collecting_by_chance_and_reading_a_digest_need_no_torch(tmp_path: Path)
         "sys.exit(run(sys.argv[1:]))\n"
     )
     grasps = str(tmp_path / "grasps")
-    for words in (["collect", "sim", grasps, "-n", "1", "--workers", "1"], ["dataset", "info", grasps, "--json"]):
+    collecting = ["collect", "sim", grasps, "-n", "1", "--workers", "1", "--json"]
+    for words in (collecting, ["dataset", "info", grasps, "--json"]):
         command = [sys.executable, "-P", "-c", code, *words]
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         assert done.returncode == 0, done.stderr
-    assert len(json.loads(done.stdout)["digest"]) == 64
+        told = json.loads(done.stdout)
+    assert len(told["digest"]) == 64
 
 
 def test_the_executable_prints_its_version() -> None:

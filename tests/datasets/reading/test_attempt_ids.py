@@ -73,7 +73,7 @@ def test_a_beginning_means_the_only_id_that_begins_so(grasps: GraspDataset, tmp_
 def test_what_means_nothing_is_refused_with_what_there_is(grasps: GraspDataset) -> None:
     first, second = (session.ulid for session in grasps.sessions)
     unknown = "01ARZ3NDEKTSV4RRFFQ69G5FAV-000000"
-    for text in ("12", "nonsense", f"{first}-12", f"{second}-000003", unknown, "", "-", "²"):
+    for text in ("12", "nonsense", f"{first}-12", f"{second}-000003", unknown, "", "-", "-1", "-000001", "²"):
         said = fault(grasps, text)
         assert f"there is no attempt {text!r} in {grasps.repository.path}@main" in said
         assert f"{first} with 11, {second} with 3" in said
