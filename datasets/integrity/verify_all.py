@@ -11,14 +11,13 @@ from pathlib import Path
 
 import google_crc32c
 
-from handsight.datasets.address import DEFAULT_REF, Location, S3Prefix, no_dataset_at
+from handsight.datasets.address import DEFAULT_REF, Location, S3Prefix
 from handsight.datasets.errors import CorruptDataError, DatasetError, SchemaError, StorageError
 from handsight.datasets.format.schema import SESSIONS
 from handsight.datasets.integrity.verify import check_sessions, damage_beside
 from handsight.datasets.machine import machine_blamed
 from handsight.datasets.reading.reader import GraspDataset
 from handsight.datasets.store.inspection import FileDamage, VersionFiles, inspect
-from handsight.datasets.store.layout import is_icechunk_folder
 from handsight.datasets.store.repository import GraspRepository
 
 _REMEDY = "put it back from a copy of the dataset, or let 'handsight dataset repair' replace its attempts"
@@ -83,8 +82,6 @@ def verify_all(
         DatasetNotFoundError: Nothing is in the bucket at that prefix.
         StorageError: The machine cannot read, so that what is damaged is not known.
     """
-    if isinstance(path, S3Prefix) and not is_icechunk_folder(path):
-        raise no_dataset_at(path)
     try:
         repository = GraspRepository.open(path, check=False)
     except CorruptDataError as error:
