@@ -21,6 +21,8 @@ GAP = 2
 """Spaces between two columns."""
 NARROWEST_PROSE = 20
 """Columns that prose is given at least, before another column is left out for it."""
+LONGEST_WORD = 34
+"""Longer words, such as paths and digests, are left to the terminal; whole ids are not."""
 NARROWEST_NAME = 8
 """Columns that are left of a clipped name at least, once nothing else can give way."""
 _NUMBER = re.compile(r"[-+0-9.,/% ]*")
@@ -60,8 +62,11 @@ class _Strip:
     @property
     def least(self) -> int:
         """The width that it can go down to without being left out."""
-        narrow = max(NARROWEST_PROSE, cells_wide(self.column.heading))
-        return min(self.width, narrow) if self.column.prose else self.width
+        if not self.column.prose:
+            return self.width
+        words = " ".join(self.cells).split() if self.column.prose == "wrap" else ()
+        longest = max(map(cells_wide, words), default=0)
+        return min(self.width, max(NARROWEST_PROSE, min(longest, LONGEST_WORD), cells_wide(self.column.heading)))
 
 
 def screen_width() -> int:

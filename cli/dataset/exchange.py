@@ -115,7 +115,7 @@ def merge_command(
         typer.Option(
             "--session",
             "-s",
-            help="ULID of a session to copy; repeat it. All by default.",
+            help="ULID of a session to copy, or its beginning; repeat it. All by default.",
             autocompletion=complete_session,
         ),
     ] = None,

@@ -68,6 +68,8 @@ def log(dataset: Dataset, as_json: Json = False) -> None:
     if as_json:
         print_json(entries)
         return
+    from handsight.datasets.reading.attempt_ids import short_ids  # a second; see above
+
     rows = [
         (
             entry.snapshot_id,
@@ -83,7 +85,7 @@ def log(dataset: Dataset, as_json: Json = False) -> None:
         Column(heading="written (UTC)", rank=2, short=short_time),
         Column(heading="added", rank=3),
         Column(heading="refs", rank=1),
-        Column(heading="message", prose="wrap"),
+        Column(heading="message", prose="wrap", short=short_ids(entry.session for entry in entries if entry.session)),
     )
     print_table(columns, rows)
 

@@ -113,7 +113,7 @@ def _print_findings(dataset: GraspDataset, findings: Sequence[Finding]) -> None:
         "code",
         Column(heading="severity", rank=1),
         Column(heading="attempts", rank=2, prose="wrap"),
-        Column(heading="finding", prose="wrap"),
+        Column(heading="finding", prose="wrap", short=shortened),
     )
     if rows:
         print_table(columns, rows)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import nullcontext
 
 from handsight.datasets.address import DEFAULT_REF
@@ -33,7 +33,7 @@ def merge(
     Args:
         source: The version to copy from.
         target: The dataset to copy to.
-        sessions: ULIDs of the sessions; None for all.
+        sessions: ULIDs of the sessions, or unique beginnings of them; None for all.
         branch: The branch of the target that moves.
         allow_mismatch: Take sessions recorded with other instruments than those the target knows.
         dry_run: Check and report, and change nothing.
@@ -49,7 +49,8 @@ def merge(
     """
     root = source.root
     available = {session.ulid: session for session in stored_sources(root)}
-    wanted = list(available) if sessions is None else list(dict.fromkeys(sessions))
+    named = available if sessions is None else (_whole(text, available) for text in sessions)
+    wanted = list(dict.fromkeys(named))
     missing = [ulid for ulid in wanted if ulid not in available]
     if missing:
         raise SessionNotFoundError(
@@ -70,3 +71,9 @@ def merge(
             on_total=on_total,
             on_attempt=on_attempt,
         )
+
+
+def _whole(text: str, available: Iterable[str]) -> str:
+    """The ULID that a text is the beginning of, if it is of one alone; else the text."""
+    meant = [ulid for ulid in available if ulid.startswith(text.upper())]
+    return meant[0] if len(meant) == 1 and text else text

@@ -7,7 +7,8 @@ looked at, never the table, so a million attempts cost no more than ten.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+import re
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import islice
 
 from handsight.datasets.errors import AttemptNotFoundError, pasteable
@@ -44,16 +45,27 @@ def resolve_attempt_ids(dataset: GraspDataset, texts: Sequence[str]) -> list[str
     return list(found)
 
 
-def short_id(dataset: GraspDataset) -> Callable[[str], str]:
-    """What writes ids of a version shortly, as ``01M89WDX-92``, such that :func:`resolve_attempt_ids` takes it."""
-    length = telling_length(one.ulid for one in dataset.sessions)
+_ID = re.compile(r"\b([0-9A-HJKMNP-TV-Z]{26})(?:-([0-9]{6,}))?\b")
+"""A whole id in a text, of an attempt or of a session."""
 
-    def shortened(attempt: str) -> str:
-        ulid, dash, digits = attempt.partition("-")
-        number = attempt_number(digits)
-        return attempt if number is None else f"{ulid[:length]}{dash}{number}"
+
+def short_ids(ulids: Iterable[str]) -> Callable[[str], str]:
+    """What writes the ids in a text shortly, as ``01M89WDX-92``, such that :func:`resolve_attempt_ids` takes them.
+
+    Args:
+        ulids: Of all sessions that the ids are to be told from.
+    """
+    length = telling_length(ulids)
+
+    def shortened(text: str) -> str:
+        return _ID.sub(lambda found: found[1][:length] + (f"-{int(found[2])}" if found[2] else ""), text)
 
     return shortened
+
+
+def short_id(dataset: GraspDataset) -> Callable[[str], str]:
+    """As :func:`short_ids`, for the sessions of a version."""
+    return short_ids(session.ulid for session in dataset.sessions)
 
 
 _Ranges = list[tuple[SessionInfo, range]]

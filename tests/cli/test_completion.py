@@ -8,9 +8,16 @@ import sys
 from pathlib import Path
 
 import pytest
+from tests.support.lab import make_lab
 
 from handsight.cli.app import NOUNS
+from handsight.cli.completion import rejoined
 from handsight.cli.dataset.app import COMMANDS
+from handsight.collection.sim.config import RANDOMIZED
+from handsight.collection.sim.objects.catalogue import OBJECT_SETS
+from handsight.datasets import EXPORT_FORMATS, FORMATS, GraspDataset
+from handsight.datasets.reading.attempt_ids import resolve_attempt_ids
+from handsight.servoing.methods.registry import METHODS
 
 PROGRAM = "import sys; from handsight.cli.app import main; main()"
 
@@ -83,3 +90,84 @@ def test_it_is_installed_for_the_shell_that_asks(tmp_path: Path) -> None:
     installed = [path for path in tmp_path.rglob("*") if path.is_file()]
     assert any("complete_bash" in path.read_text() for path in installed)
     assert (tmp_path / ".bashrc").exists()
+
+
+@pytest.fixture(scope="module")
+def lab(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("lab")
+    make_lab(folder / "lab")
+    (folder / "runs").mkdir()
+    return folder / "lab"
+
+
+def test_datasets_and_their_versions(lab: Path) -> None:
+    assert completed(f"handsight dataset ls {lab.parent}/l") == [str(lab)]
+    assert completed(f"handsight dataset ls {lab}@") == [f"{lab}@v1", f"{lab}@main", f"{lab}@trial"]
+    assert completed(f"handsight dataset exclude {lab}@t") == [f"{lab}@trial"]
+    assert completed(f"handsight dataset exclude {lab}@v") == []
+
+
+def test_names_within_a_dataset(lab: Path) -> None:
+    ids = GraspDataset.open(str(lab)).attempts.index
+    assert completed(f"handsight dataset ls {lab} --filter ") == ["slips"]
+    assert completed(f"handsight dataset ls {lab} --columns number,width_f") == ["number,width_final_m"]
+    assert completed(f"handsight dataset folds {lab} c") == ["cv2"]
+    assert completed(f"handsight dataset revert {lab} ") == ["v1", "main", "trial"]
+    assert completed(f"handsight dataset show {lab} {ids[0][:20]}")[:1] in ([ids[0]], [ids[12]])
+    for short in completed(f"handsight dataset show {lab} {ids[0][:3]}"):
+        assert resolve_attempt_ids(GraspDataset.open(str(lab)), [short])
+
+
+def test_values_of_options(lab: Path) -> None:
+    assert completed("handsight servo --method ") == list(METHODS)
+    assert completed("handsight evaluate --methods random,") == [
+        f"random,{name}" for name in METHODS if name != "random"
+    ]
+    assert set(OBJECT_SETS) <= set(completed("handsight collect sim x --objects "))
+    assert completed(f"handsight dataset export {lab} x -f ") == list(EXPORT_FORMATS)
+    assert completed("handsight dataset import x y -f ") == list(FORMATS)
+    assert completed("handsight collect sim x --vary ") == [*RANDOMIZED, "all"]
+
+
+@pytest.mark.parametrize(
+    "line",
+    ["handsight dataset ls nowhere@", "handsight dataset ls s3://bucket/x@", "handsight dataset ls nowhere --filter "],
+)
+def test_where_nothing_can_be_offered_nothing_is_said(line: str) -> None:
+    done = call(_HANDSIGHT_COMPLETE="complete_bash", COMP_WORDS=line, COMP_CWORD=str(len(line.split(" ")) - 1))
+    assert (done.returncode, done.stdout.strip(), done.stderr) == (0, "", "")
+
+
+def test_bash_is_given_the_end_that_it_replaces(lab: Path) -> None:
+    """Its words end at an @, too, and it hands them over one a line."""
+    words = ["handsight", "dataset", "ls", str(lab), "@", "v"]
+    done = call(_HANDSIGHT_COMPLETE="complete_bash", COMP_WORDS="\n".join(words), COMP_CWORD="5")
+    assert done.stdout.split() == ["@v1"]
+
+
+@pytest.mark.parametrize(
+    ("typed", "current", "whole", "place"),
+    [
+        (["ls", "lab", "@", "v"], 3, ["ls", "lab@v"], 1),
+        (["ls", "lab", "@"], 2, ["ls", "lab@"], 1),
+        (["ls", "lab", "@", "v1", "--filter", ""], 5, ["ls", "lab@v1", "--filter", ""], 3),
+        (["ls", "lab"], 1, ["ls", "lab"], 1),
+    ],
+)
+def test_words_of_bash_are_put_together(typed: list[str], current: int, whole: list[str], place: int) -> None:
+    assert rejoined(typed, current) == (whole, place)
+
+
+def test_candidates_need_no_network_and_no_simulator(lab: Path) -> None:
+    line = f"handsight dataset ls {lab} --filter "
+    program = f"{PROGRAM.removesuffix('main()')}from handsight.cli.app import run; run(); print('LOADED', *sys.modules)"
+    done = subprocess.run(
+        [sys.executable, "-P", "-c", program],
+        capture_output=True,
+        text=True,
+        check=True,
+        env={**os.environ, "_HANDSIGHT_COMPLETE": "complete_bash", "COMP_WORDS": line, "COMP_CWORD": "5"},
+    )
+    offered, loaded = done.stdout.split("LOADED")
+    assert offered.split() == ["slips"]
+    assert set(loaded.split()) & {"torch", "pybullet", "rerun", "matplotlib", "ray"} == set()

@@ -10,6 +10,7 @@ from typing import Any
 import pandas as pd
 import pytest
 from tests.support.factories import make_attempt, make_header, record
+from tests.support.lab import make_lab
 from tests.support.refusals import check_refused
 
 from handsight.cli.app import run
@@ -178,3 +179,14 @@ def test_a_dataset_without_labels_has_no_figure(tmp_path: Path, capsys: pytest.C
     assert "grasps@main has no labelled attempt" in capsys.readouterr().err
     assert not (tmp_path / "s.png").exists()
     assert "0 of 0 labelled" in out_of(capsys, "dataset", "stats", tmp_path / "grasps")
+
+
+def test_conditions_that_were_not_varied_are_counted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    ids = [str(key) for key in GraspDataset(make_lab(tmp_path / "lab"), ref="main").attempts.index]
+    varied, still = (out_of(capsys, "dataset", "show", tmp_path / "lab", one) for one in (ids[0], ids[-1]))
+    assert "table_friction" in varied
+    assert "not varied" not in varied
+    assert "table_friction" not in still
+    assert still.splitlines()[-1] == "  2 conditions not varied in its session; --all shows them"
+    assert "table_friction" in out_of(capsys, "dataset", "show", tmp_path / "lab", ids[-1], "--all")
+    assert "table_friction" in json_of(capsys, "dataset", "show", tmp_path / "lab", ids[-1])
