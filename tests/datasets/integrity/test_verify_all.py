@@ -10,8 +10,7 @@ from tests.support.damage import KINDS, WAYS, Bench
 from tests.support.factories import make_attempt, make_header, record
 
 from handsight.cli.app import run
-from handsight.datasets import GraspRepository, Outcome, create_branch, expire
-from handsight.datasets.integrity.verify_all import AllReport, verify_all
+from handsight.datasets import AllReport, GraspRepository, Outcome, create_branch, expire, verify_all
 
 HEADER = make_header()
 MUTATIONS = 21
