@@ -91,6 +91,8 @@ if TYPE_CHECKING:
     from handsight.datasets.integrity.repair import repair as repair
     from handsight.datasets.integrity.verify import VerifyReport as VerifyReport
     from handsight.datasets.integrity.verify import verify as verify
+    from handsight.datasets.integrity.verify_all import AllReport as AllReport
+    from handsight.datasets.integrity.verify_all import verify_all as verify_all
     from handsight.datasets.reading.diff import Balance as Balance
     from handsight.datasets.reading.diff import VersionDiff as VersionDiff
     from handsight.datasets.reading.diff import diff_versions as diff_versions
@@ -207,6 +209,10 @@ _NAMES: dict[str, tuple[str, ...]] = {
         "VerifyReport",
         "verify",
     ),
+    "integrity.verify_all": (
+        "AllReport",
+        "verify_all",
+    ),
     "reading.diff": (
         "Balance",
         "VersionDiff",
@@ -253,6 +259,7 @@ __all__ = [
     "PHASES",
     "VIEWPOINTS",
     "AddressError",
+    "AllReport",
     "AttemptNotFoundError",
     "Balance",
     "CorruptDataError",
@@ -339,6 +346,7 @@ __all__ = [
     "save_filter",
     "station_view",
     "verify",
+    "verify_all",
 ]
 
 

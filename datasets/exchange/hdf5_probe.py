@@ -41,7 +41,7 @@ def refuse_unreadable(path: Path) -> None:
     except subprocess.TimeoutExpired:
         ended = -signal.SIGXCPU
     except OSError as error:
-        if trouble := of_the_machine(f"{path} cannot be read", error):
+        if trouble := of_the_machine(f"no process can be started to look at {path}", error):
             raise trouble from error
         raise
     if ended < 0:

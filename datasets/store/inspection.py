@@ -27,6 +27,8 @@ from handsight.datasets.store.repository import GraspRepository
 
 _FROM_A_COPY = "put it back from a copy of the dataset"
 _SHOWN = 3
+_ARRAYS_AT_A_TIME = 32
+"""Each has a file open."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -244,19 +246,32 @@ class _Inspector:
         except CorruptDataError as error:
             self._note(f"snapshots/{snapshot_id}", snapshot_id, str(error))
             return found
-        for path, (_, kind, manifests) in found.nodes.items():
-            if kind == "array" and not self._manifests.issuperset(manifests):
-                self._check_manifests(found, store, path, manifests)
+        self._check_manifests(found, store)
         return found
 
-    def _check_manifests(
-        self, snapshot: _Snapshot, store: icechunk.IcechunkStore, path: str, manifests: tuple[str, ...]
+    def _check_manifests(self, snapshot: _Snapshot, store: icechunk.IcechunkStore) -> None:
+        """Count what the manifests of a snapshot name that have not been read for another."""
+        unread = {
+            path: manifests
+            for path, (_, kind, manifests) in snapshot.nodes.items()
+            if kind == "array" and not self._manifests.issuperset(manifests)
+        }
+        paths = list(unread)
+        counted_chunks: list[int | BaseException] = []
+        for start in range(0, len(paths), _ARRAYS_AT_A_TIME):
+            counted_chunks += sync(_chunk_counts(store.session, paths[start : start + _ARRAYS_AT_A_TIME]))
+        for path, named in zip(paths, counted_chunks, strict=True):
+            self._manifests.update(unread[path])
+            self._check_manifest(snapshot, path, unread[path], named)
+
+    def _check_manifest(
+        self, snapshot: _Snapshot, path: str, manifests: tuple[str, ...], named: int | BaseException
     ) -> None:
         files = ", ".join(f"manifests/{one}" for one in manifests)
-        self._manifests.update(manifests)
         try:
             with self.reading(files):
-                named = len(sync(_coordinates(store.session, path)))
+                if isinstance(named, BaseException):
+                    raise named
         except CorruptDataError as error:
             self._note(files, snapshot.id, f"of {path.lstrip('/')} {error}")
             return
@@ -327,8 +342,13 @@ class _Reading:
         raise CorruptDataError(f"cannot be read ({headline(error)})") from error
 
 
-async def _coordinates(session: icechunk.Session, path: str) -> list[tuple[int, ...]]:
-    return [one async for one in session.chunk_coordinates(path)]
+async def _chunk_counts(session: icechunk.Session, paths: Sequence[str]) -> list[int | BaseException]:
+    """How many chunks the manifests of arrays name, or what is raised for one."""
+
+    async def count(path: str) -> int:
+        return len([one async for one in session.chunk_coordinates(path)])
+
+    return await asyncio.gather(*map(count, paths), return_exceptions=True)
 
 
 def _descriptions(store: Store, paths: Sequence[str]) -> list[bytes | None]:

@@ -74,8 +74,7 @@ def make_dataset(folder: Path) -> Path:
     """A dataset with three branches, two releases, what a merge brought, decisions, folds, a filter and a cache."""
     path = folder / "grasps"
     repository = GraspRepository.create(path)
-    for seed, size in ((1, 14), (2, 6)):
-        _record(repository, seed, size)
+    _record(repository, 1, 12)
     repository.release("v1", message="first")
     create_branch(repository, "work", "v1")
     _record(repository, 3, 5, branch="work")
@@ -83,13 +82,13 @@ def make_dataset(folder: Path) -> Path:
     _record(other, 4, 5)
     merge(GraspDataset(other, ref="main"), repository)
     curator = Curator(repository, author="anna")
-    for number in range(3):
+    for number in range(2):
         curator.exclude(Selection(where=f"number == {number}"), np.random.default_rng(number).bytes(200).hex())
     save_filter(repository, "few", "number < 4", author="anna")
     make_folds(repository, "halves", by="scene", count=2, seed=0, author="anna")
     create_branch(repository, "idle")
     create_branch(repository, "gone")
-    _record(repository, 5, 3, branch="gone")
+    _record(repository, 5, 2, branch="gone")
     delete_branch(repository, "gone", force=True)
     repository.release("v2", message="second")
     materialize(GraspDataset(repository, ref="v2"))
