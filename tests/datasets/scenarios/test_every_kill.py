@@ -12,11 +12,8 @@ import pytest
 from tests.support.kills import Bench
 
 SEED = 11
-KILLED = (
-    *("import hdf5", "import to new", "merge", "release", "branch --delete", "exclude", "repair", "migrate", "gc"),
-    *("expire", "materialize"),
-)
-INTERRUPTED = (("import hdf5", 1), ("merge", 3), ("import to new", 3), ("materialize", 1), ("repair", 3), ("gc", 3))
+KILLED = ("import hdf5", "import to new", "release", "branch --delete", "exclude", "repair", "migrate", "gc")
+INTERRUPTED = (("import hdf5", 1), ("import to new", 3), ("merge", 3), ("repair", 3), ("gc", 1))
 
 
 @pytest.fixture(scope="module")
