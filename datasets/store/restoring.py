@@ -7,7 +7,7 @@ commit that was stored and that its branch had not reached yet, when its writer 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -175,6 +175,7 @@ def _old_ledger(repository: GraspRepository, stored: Snapshots) -> list[icechunk
 
 def _tips_but(repository: GraspRepository, lost: str) -> Iterator[str]:
     engine = repository.icechunk_repository
+    lookups: list[tuple[Callable[[str], str], str]]
     lookups = [(engine.lookup_tag, name) for name in sorted(engine.list_tags())]
     lookups += [(engine.lookup_branch, name) for name in sorted(engine.list_branches()) if name != lost]
     for lookup, name in lookups:
@@ -205,6 +206,6 @@ def _is_of_an_earlier_branch(commit: icechunk.SnapshotInfo, began: icechunk.Snap
 
 def _ancestors(snapshot_id: str | None, stored: Snapshots) -> Iterator[str]:
     """A snapshot and those that led to it, as far as the store holds them."""
-    while snapshot_id in stored:
+    while snapshot_id is not None and snapshot_id in stored:
         yield snapshot_id
         snapshot_id = stored[snapshot_id].parent_id

@@ -36,7 +36,7 @@ if "tests" not in sys.modules:
 import numpy as np  # noqa: E402 -- once `tests` is known
 from tests.support.kill_points import run_in_child, run_interrupted, run_killed  # noqa: E402
 from tests.support.kills_commands import DOOMED, PREPARED, carry_out, make_all, make_many  # noqa: E402
-from tests.support.kills_state import DATASETS, OTHERS, State, leftovers, state_of, whole  # noqa: E402
+from tests.support.kills_state import DATASETS, OTHERS, State, is_there, leftovers, state_of, whole  # noqa: E402
 
 import handsight.cli  # noqa: E402
 import handsight.datasets  # noqa: E402
@@ -45,6 +45,8 @@ from handsight.cli.app import run  # noqa: E402
 from handsight.cli.interrupts import INTERRUPTED  # noqa: E402
 from handsight.datasets import GraspRepository, collect_garbage  # noqa: E402
 
+KINDS = ("lost", "stuck", "left")
+"""What can be wrong after a kill."""
 AT_A_MOMENT = 0.2
 """Share of kills at any moment instead of at a change to the file system."""
 
@@ -135,13 +137,14 @@ class Bench:
             if interrupts:
                 lost += _impolite(killed)
             product = DOOMED[command].product
-            done = state_of(case) == normal.after and (not product or (case / product).exists())
+            done = state_of(case) == normal.after and (not product or is_there(case, product))
             again = self._run(command, case, free=True)
             if done:
                 # It may have had nothing left to do; the next one that writes is another.
                 for dataset in (case / name for name in DATASETS if (case / name).exists()):
                     collect_garbage(GraspRepository.open(dataset), dry_run=False)
-            stuck, left = [], ()
+            stuck: list[str] = []
+            left: tuple[str, ...] = ()
             if again.status not in ((0, 2) if done else (0,)) or "Traceback" in again.said:
                 stuck.append(f"the next one ended with {again.status}: {again.said[-2000:]}")
             else:
@@ -295,7 +298,11 @@ def _work(command: str, case: Path, made: Path) -> int:
     told = os.open(case / "told", os.O_CREAT | os.O_WRONLY | os.O_APPEND)
     os.environ |= {"TMPDIR": str(case / "tmp"), "HANDSIGHT_CACHE": str(case / "cache"), "HANDSIGHT_AUTHOR": "anna"}
     tempfile.tempdir = None
-    return carry_out(command, case, made, lambda number: os.write(told, b"%d\n" % number) and None)
+
+    def acknowledge(number: int) -> None:
+        os.write(told, b"%d\n" % number)
+
+    return carry_out(command, case, made, acknowledge)
 
 
 @dataclass(slots=True)
@@ -324,9 +331,6 @@ def schedule() -> list[str]:
     """Commands in turn; those that take seconds come a third as often."""
     fast = [name for name, doomed in DOOMED.items() if not doomed.slow]
     return [*fast, *fast, *DOOMED]
-
-
-KINDS = ("lost", "stuck", "left")
 
 
 def main() -> int:
