@@ -20,7 +20,7 @@ PYTEST := '$(BIN)/pytest' --numprocesses $(PROCESSES) --dist loadfile
 export PYTHONSAFEPATH := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help venv demo test coverage lint format bench fuzz docs clean
+.PHONY: help venv demo test coverage lint format bench fuzz kills docs clean
 
 help:  ## List the targets
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1|\2/p' $(MAKEFILE_LIST) | column -t -s '|'
@@ -82,6 +82,9 @@ bench: venv  ## Run every benchmark
 
 fuzz: venv  ## Try spoilt input on every parser; ARGS='--parser hdf5 --inputs 20000 --seed 3'
 	'$(BIN)/python' tests/support/fuzz.py $(ARGS)
+
+kills: venv  ## Kill every command that writes, and run it again; ARGS='--kills 1000 --seed 3'
+	'$(BIN)/python' -P tests/support/kills.py $(ARGS)
 
 docs: venv  ## Check links, commands and targets quoted in the documents
 	'$(BIN)/pytest' tests/layout/test_docs.py $(ARGS)
