@@ -20,7 +20,7 @@ PYTEST := '$(BIN)/pytest' --numprocesses $(PROCESSES) --dist loadfile
 export PYTHONSAFEPATH := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help venv demo test coverage lint format bench fuzz damage docs clean
+.PHONY: help venv demo test coverage lint format bench fuzz damage kills docs clean
 
 help:  ## List the targets
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1|\2/p' $(MAKEFILE_LIST) | column -t -s '|'
@@ -85,6 +85,9 @@ fuzz: venv  ## Try spoilt input on every parser; ARGS='--inputs 2250 --jobs 2 --
 
 damage: venv  ## Damage stored files one by one, and see that each is found; ARGS='--mutations 200 --seed 1'
 	'$(BIN)/python' tests/support/damage.py $(ARGS)
+
+kills: venv  ## Kill every command that writes, and run it again; ARGS='--kills 1000 --seed 3'
+	'$(BIN)/python' tests/support/kills.py $(ARGS)
 
 docs: venv  ## Check links, commands and targets quoted in the documents
 	'$(BIN)/pytest' tests/layout/test_docs.py $(ARGS)

@@ -41,7 +41,8 @@ def check_run_folder(folder: Path, *, overwrite: bool = False) -> None:
             f"{folder} holds other files ({', '.join(foreign[:_NAMES_LISTED])}{more}), expected a new or empty folder: "
             "choose another --out"
         )
-    if not overwrite and any(name in _OWN for name in held):
+    # Weights that no record names yet are what a killed process was about to make a run of.
+    if not overwrite and any(name in held for name in (RUN_RECORD, WEIGHTS)):
         what = "a run" if RUN_RECORD in held else "a run that is not complete"
         raise CheckpointError(
             f"{folder} holds {what} already, expected a new or empty folder: choose another --out, or replace it with "

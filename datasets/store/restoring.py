@@ -7,8 +7,8 @@ commit that was stored and that its branch had not reached yet, when its writer 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -49,7 +49,7 @@ def restore_refs(repository: GraspRepository, *, dry_run: bool = False) -> tuple
     Raises:
         CorruptDataError, StorageError: The ledger cannot be read, or the disk or bucket not be written.
     """
-    with repository.locked():
+    with nullcontext() if dry_run else repository.locked():
         lost = lost_refs(repository)
         restored = _restore(repository, lost, dry_run=dry_run)
         if restored and not dry_run and lost[0].kind == "ledger":
@@ -74,13 +74,13 @@ def restore_main(path: Path, *, dry_run: bool = False) -> tuple[RestoredRef, ...
     """
     if not main_is_lost(path):
         return ()
-    with _without_main(path) as repository:
+    with _without_main(path) as repository, nullcontext() if dry_run else repository.locked():
         found = _restorable(repository, LostRef(kind="branch", name=DEFAULT_REF, snapshot_id=None, fault=""))
         others = _restore(repository, lost_refs(repository), dry_run=True) if dry_run else ()
-    if found is None:
-        return ()
-    if not dry_run:
-        restore_ref(path, "branch", DEFAULT_REF, found.snapshot_id)
+        if found is None:
+            return ()
+        if not dry_run:
+            restore_ref(path, "branch", DEFAULT_REF, found.snapshot_id)
     return (found, *others)
 
 
@@ -152,7 +152,10 @@ def _commits_of_nobody(
     """Commits that no other name leads to, of an older handsight, which did not say for which branch they were made."""
     led_to: set[str] = set()
     for tip in _tips_but(repository, lost):
-        led_to.update(_ancestors(tip, stored))
+        for ancestor in _ancestors(tip, stored):
+            if ancestor in led_to:
+                break
+            led_to.add(ancestor)
     return [
         one
         for one in stored.values()
@@ -175,6 +178,7 @@ def _old_ledger(repository: GraspRepository, stored: Snapshots) -> list[icechunk
 
 def _tips_but(repository: GraspRepository, lost: str) -> Iterator[str]:
     engine = repository.icechunk_repository
+    lookups: list[tuple[Callable[[str], str], str]]
     lookups = [(engine.lookup_tag, name) for name in sorted(engine.list_tags())]
     lookups += [(engine.lookup_branch, name) for name in sorted(engine.list_branches()) if name != lost]
     for lookup, name in lookups:
@@ -193,7 +197,10 @@ def _newest(commits: list[icechunk.SnapshotInfo], stored: Snapshots) -> icechunk
     """The newest of those that none of the others descends from: clocks of several machines differ."""
     older: set[str] = set()
     for one in commits:
-        older.update(_ancestors(one.parent_id, stored))
+        for ancestor in _ancestors(one.parent_id, stored):
+            if ancestor in older:
+                break  # Those that led to it are known.
+            older.add(ancestor)
     leaves = [one for one in commits if one.id not in older]
     return max(leaves, key=lambda one: one.written_at, default=None)
 
@@ -205,6 +212,6 @@ def _is_of_an_earlier_branch(commit: icechunk.SnapshotInfo, began: icechunk.Snap
 
 def _ancestors(snapshot_id: str | None, stored: Snapshots) -> Iterator[str]:
     """A snapshot and those that led to it, as far as the store holds them."""
-    while snapshot_id in stored:
+    while snapshot_id is not None and snapshot_id in stored:
         yield snapshot_id
         snapshot_id = stored[snapshot_id].parent_id

@@ -89,3 +89,35 @@ def test_a_program_whose_parent_is_gone_already_does_not_begin() -> None:
     command = bound_command(["true"])
     command[5] = "1"
     assert subprocess.run(command, check=False).returncode == 1
+
+
+POOL = """
+import os, sys
+from handsight.jobs.processes import process_pool
+
+if __name__ == "__main__":
+    pool = process_pool(2)
+    workers = [pool.submit(os.getpid) for _ in range(2)]
+    print(*{worker.result() for worker in workers}, flush=True)
+    pool.submit(sys.stdin.read)
+    sys.stdin.read()
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="waits for processes that are no children of its own")
+def test_workers_end_with_a_killed_parent_also_while_they_work(tmp_path: Path) -> None:
+    program = tmp_path / "program.py"
+    program.write_text(POOL)
+    gone = select.poll()
+    with Popen([sys.executable, "-P", str(program)], stdin=PIPE, stdout=PIPE) as parent:
+        assert parent.stdout is not None
+        workers = [os.pidfd_open(int(pid)) for pid in parent.stdout.readline().split()]
+        for worker in workers:
+            gone.register(worker, select.POLLIN)
+        parent.kill()
+    for _ in workers:
+        ended = gone.poll(60_000)
+        assert ended, "one goes on without its parent"
+        gone.unregister(ended[0][0])
+    for worker in workers:
+        os.close(worker)

@@ -100,9 +100,7 @@ def _run(work: Callable[[], int], blow: _Blow | None) -> Fate:
         ours.close()
         os.setpgid(0, 0)
         if exact:
-            listener = _install_filter()
-            socket.send_fds(theirs, [b"x"], [listener])
-            os.close(listener)
+            _hand_over_filter(theirs)
         theirs.close()
         status = work()
         # What Python does at its end, but for taking apart its modules, which takes longer than many a command.
@@ -111,7 +109,8 @@ def _run(work: Callable[[], int], blow: _Blow | None) -> Fate:
     theirs.close()
     listener = None
     if exact:
-        _, (listener, *_), _, _ = socket.recv_fds(ours, 1, 1)
+        _, descriptors, _, _ = socket.recv_fds(ours, 1, 1)
+        listener = next(iter(descriptors), None)
     try:
         return _watch(pid, listener, began, blow or _Blow())
     finally:
@@ -174,6 +173,17 @@ def _answer(listener: int) -> None:
         fcntl.ioctl(listener, _ANSWER, struct.pack("QqiI", identity, 0, 0, _GO_ON))
     except OSError:
         pass  # Who asked has been killed.
+
+
+def _hand_over_filter(to: socket.socket) -> None:
+    """In the child: be stopped from now on, and give away where that is told; nothing where it is not allowed."""
+    try:
+        listener = _install_filter()
+    except OSError:
+        to.send(b"x")
+        return
+    socket.send_fds(to, [b"x"], [listener])
+    os.close(listener)
 
 
 def _install_filter() -> int:

@@ -7,8 +7,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from handsight.datasets import DatasetError, GraspDataset, GraspRepository, SchemaError, verify
+from handsight.datasets import GraspDataset, GraspRepository, SchemaError, verify
 from handsight.datasets.store.agreement import lost_refs
+from handsight.training.errors import CheckpointError
 from handsight.training.run import load_run
 
 DATASETS = ("grasps", "new")
@@ -90,10 +91,10 @@ def whole(case: Path, product: str, *, made: Path | None) -> list[str]:
             except SchemaError:
                 continue
             faults += [f"{name}@{ref}: {fault}" for fault in (*report.faults.items(), *report.damage)]
-    if product == "run" and (case / product).exists():
+    if product == "run" and is_there(case, product):
         try:
             load_run(case / product)
-        except DatasetError as error:
+        except CheckpointError as error:
             faults.append(str(error))
     return faults
 
@@ -111,6 +112,11 @@ def _has_all_of(copy: Path, made: Path) -> bool:
 
 def _snapshots(made: Path) -> list[str]:
     return [path.name for path in (made / "snapshots").iterdir()]
+
+
+def is_there(case: Path, product: str) -> bool:
+    """Whether a command has made what it makes; a run is one once it has its record."""
+    return (case / product / "run.json" if product == "run" else case / product).exists()
 
 
 def leftovers(case: Path) -> tuple[str, ...]:

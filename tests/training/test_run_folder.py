@@ -18,7 +18,7 @@ def test_a_new_or_empty_folder_will_do(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["empty"]
 
 
-@pytest.mark.parametrize("held", [(RUN_RECORD, WEIGHTS), (WEIGHTS,), (NEXT_WEIGHTS,), (RUN_RECORD,)])
+@pytest.mark.parametrize("held", [(RUN_RECORD, WEIGHTS), (WEIGHTS,), (RUN_RECORD, NEXT_WEIGHTS), (RUN_RECORD,)])
 def test_a_run_is_replaced_only_on_request(tmp_path: Path, held: tuple[str, ...]) -> None:
     for name in held:
         (tmp_path / name).write_text("")
@@ -28,6 +28,7 @@ def test_a_run_is_replaced_only_on_request(tmp_path: Path, held: tuple[str, ...]
 
 
 def test_what_a_killed_process_left_is_no_run(tmp_path: Path) -> None:
+    (tmp_path / NEXT_WEIGHTS).write_text("")
     (tmp_path / ".run.unfinished-12345678.json").write_text("")
     (tmp_path / ".model.next.unfinished-12345678.safetensors").write_text("")
     check_run_folder(tmp_path)

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import sys
+from pathlib import Path
 from subprocess import PIPE, Popen
 
 import pytest
+from tests.support.s3_server import empty_bucket, s3_server
 from tests.support.versions import grow, opened
 
 from handsight.datasets import (
@@ -14,9 +16,11 @@ from handsight.datasets import (
     RefNameError,
     RefNotFoundError,
     Selection,
+    collect_garbage,
     create_branch,
     delete_branch,
 )
+from handsight.datasets.store.branches import new_branch
 
 
 def test_a_branch_moves_alone(repository: GraspRepository) -> None:
@@ -95,3 +99,26 @@ def test_a_branch_that_is_killed_before_it_is_done_has_no_name_and_goes(reposito
     assert not list(drafts.glob("*draft*"))
     assert list(repository.branches()) == ["main", "mended", "other"]
     assert not list((repository.side_folder / "writers").iterdir())
+
+
+def test_a_draft_in_a_bucket_goes_with_its_writer(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HANDSIGHT_CACHE", str(tmp_path / "cache"))
+    with s3_server() as server:
+        empty_bucket(server, monkeypatch)
+        repository = GraspRepository.create("s3://lab/week/grasps")
+        with new_branch(repository, "mended", "main", what="try") as draft:
+            collect_garbage(repository, dry_run=False)
+            assert draft in repository.icechunk_repository.list_branches()
+        assert list(repository.branches()) == ["main", "mended"]
+        address = str(repository.path)
+        with Popen(
+            [sys.executable, "-P", "-c", DRAFTING.replace("mended", "late"), address], stdin=PIPE, stdout=PIPE
+        ) as one:
+            assert one.stdout is not None
+            draft = one.stdout.readline().decode().strip()
+            assert draft in repository.icechunk_repository.list_branches()
+            one.kill()
+        assert list(repository.branches()) == ["main", "mended"]
+        collect_garbage(repository, dry_run=False)
+        names = repository.icechunk_repository.list_branches()
+        assert names == {"main", "mended", "handsight.releases"}
