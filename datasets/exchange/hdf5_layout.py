@@ -24,6 +24,8 @@ read (`handsight`, `unlabelled`, `sessions`, `decisions`) is what brings every b
 
 from __future__ import annotations
 
+from typing import Any
+
 import h5py
 
 DATA = "data"
@@ -36,7 +38,7 @@ def group_of_demo(*, labelled: bool) -> str:
     return DATA if labelled else UNLABELLED
 
 
-def demo_named(file: h5py.File, name: str) -> object:
+def demo_named(file: h5py.File, name: str) -> Any:  # h5py says of what is in a file no more than Any.
     """The demo of that name, from whichever group has it; None where neither has."""
     groups = (file.get(group) for group in (DATA, UNLABELLED))
     return next((group[name] for group in groups if isinstance(group, h5py.Group) and name in group), None)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -51,7 +51,7 @@ def decoded(data: bytes, *, size: tuple[int, int] | None = None, most_pixels: in
 
 @contextmanager
 def examined(
-    data: bytes, name: str, *, formats: Sequence[str], size: tuple[int, int] | None, most_pixels: int = _MOST_PIXELS
+    data: bytes, name: str, *, formats: tuple[str, ...], size: tuple[int, int] | None, most_pixels: int = _MOST_PIXELS
 ) -> Iterator[Image.Image]:
     """A picture whose size has been looked at, and nothing decoded yet.
 

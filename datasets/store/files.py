@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 from urllib.request import getproxies, proxy_bypass
 
 from handsight.datasets.address import Location, S3Prefix
 from handsight.datasets.errors import StorageError, headline
 from handsight.datasets.store.buckets import bucket_endpoint, bucket_region
+
+if TYPE_CHECKING:
+    from pyarrow.fs import S3FileSystem
 
 
 def stored_files(location: Location, folder: str = "", *, leave_out: str = "") -> dict[str, int]:
@@ -47,24 +53,60 @@ def _on_disk(root: Path, leave_out: str) -> dict[str, int]:
     return found
 
 
-def _in_bucket(location: S3Prefix, folder: str) -> dict[str, int]:
-    # Icechunk has no call that lists files. Only who looks at a bucket pays for the import.
-    from pyarrow.fs import FileSelector, FileType, S3FileSystem
+def names_in(location: Location, folder: str) -> list[str]:
+    """Names of the files in a folder of a dataset, sorted; none where there is no such folder.
 
-    root = "/".join(filter(None, (location.bucket, location.prefix, folder)))
-    endpoint = bucket_endpoint()
-    try:
-        system = S3FileSystem(
-            region=bucket_region(),
-            endpoint_override=endpoint,
-            proxy_options=_proxy(endpoint or "https://amazonaws.com"),
-        )
-        listed = system.get_file_info(FileSelector(root, recursive=True, allow_not_found=True))
-    except OSError as error:
-        raise StorageError(
-            f"cannot list the files of {location}: {headline(error)}; check that the bucket is within reach"
-        ) from error
+    Raises:
+        StorageError: The disk or bucket cannot be read.
+    """
+    return sorted(name for name in stored_files(location, folder) if "/" not in name)
+
+
+def write_object(location: S3Prefix, name: str, content: bytes) -> None:
+    """Put an object into a bucket, in place of one that may be there.
+
+    Raises:
+        StorageError: The bucket is not within reach, or may not be written.
+    """
+    with (
+        _bucket_errors(f"cannot write {name} of {location}"),
+        _bucket().open_output_stream(_key(location, name)) as stream,
+    ):
+        stream.write(content)
+
+
+def _in_bucket(location: S3Prefix, folder: str) -> dict[str, int]:
+    from pyarrow.fs import FileSelector, FileType
+
+    root = _key(location, folder)
+    with _bucket_errors(f"cannot list the files of {location}"):
+        listed = _bucket().get_file_info(FileSelector(root, recursive=True, allow_not_found=True))
     return {one.path.removeprefix(f"{root}/"): one.size for one in listed if one.type == FileType.File}
+
+
+def _key(location: S3Prefix, name: str) -> str:
+    return "/".join(filter(None, (location.bucket, location.prefix, name)))
+
+
+def _bucket() -> S3FileSystem:
+    """The buckets that the environment tells of, as for Icechunk, which has no call that lists files or writes one."""
+    # Only who looks at a bucket pays for the import.
+    from pyarrow.fs import S3FileSystem
+
+    endpoint = bucket_endpoint()
+    return S3FileSystem(
+        region=bucket_region(),
+        endpoint_override=endpoint,
+        proxy_options=_proxy(endpoint or "https://amazonaws.com"),
+    )
+
+
+@contextmanager
+def _bucket_errors(action: str) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        raise StorageError(f"{action}: {headline(error)}; check that the bucket is within reach") from error
 
 
 def _proxy(url: str) -> str | None:

@@ -20,8 +20,7 @@ import icechunk
 from handsight.datasets.address import DEFAULT_REF, Location, S3Prefix
 from handsight.datasets.atomic import atomic_file, atomic_folder, sync
 from handsight.datasets.errors import RefNameError, StorageError
-from handsight.datasets.store.files import stored_files
-from handsight.datasets.store.object_files import names_in, write_object
+from handsight.datasets.store.files import names_in, stored_files, write_object
 from handsight.datasets.store.releases import LEDGER_BRANCH
 
 _FILE = "ref.json"

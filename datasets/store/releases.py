@@ -139,7 +139,7 @@ def _stored(root: zarr.Group, key: str, sound: Callable[[object], bool]) -> dict
     Raises:
         CorruptDataError: It says something else than handsight writes.
     """
-    said = root.attrs.asdict().get(key, {})
+    said: Any = root.attrs.asdict().get(key, {})
     strange = [] if isinstance(said, dict) else ["all of them"]
     strange = strange or [name for name, entry in said.items() if not sound(entry)]
     if strange:

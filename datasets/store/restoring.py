@@ -18,9 +18,9 @@ from handsight.datasets.address import DEFAULT_REF
 from handsight.datasets.errors import counted
 from handsight.datasets.held import HeldFolder
 from handsight.datasets.store.agreement import LostRef, lost_refs
+from handsight.datasets.store.files import names_in
 from handsight.datasets.store.icechunk_engine import icechunk_errors, storage_at
 from handsight.datasets.store.layout import FIRST_COMMIT
-from handsight.datasets.store.object_files import names_in
 from handsight.datasets.store.refs import main_is_lost, read_branch, restore_ref
 from handsight.datasets.store.releases import LEDGER_BRANCH, confirmed_releases, is_snapshot_id, known_branches
 from handsight.datasets.store.repository import GraspRepository

@@ -129,7 +129,7 @@ def _impossible(entry: ObjectEntry) -> Iterator[str]:
     for key, value in {"scale": entry.scale, "mass_kg": entry.mass_kg, **lengths}.items():
         if not 0 < value < math.inf:
             yield f"{key} of object {shown(entry.name)} is {shown(value)}, expected a positive number"
-    if len(entry.size_m) != 3:
+    if len(lengths) != 3:
         yield f"size_m of object {shown(entry.name)} has {len(entry.size_m)} numbers, expected 3"
     if not entry.name or Path(entry.name).name != entry.name or "\0" in entry.name:
         yield f"an object is called {shown(entry.name)}, expected the name of a folder"

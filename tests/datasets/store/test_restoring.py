@@ -27,7 +27,7 @@ from handsight.datasets import (
 )
 from handsight.datasets.address import S3Prefix
 from handsight.datasets.store.agreement import lost_refs
-from handsight.datasets.store.object_files import names_in
+from handsight.datasets.store.files import names_in
 from handsight.datasets.store.releases import LEDGER_BRANCH
 from handsight.datasets.store.restoring import restore_main, restore_refs
 
