@@ -63,8 +63,8 @@ def storage_at(location: Location) -> icechunk.Storage:
             force_path_style=endpoint is not None,
             from_env=True,
         )
-    # It warns that local commits are unsafe; ours hold the dataset's lock. Of a manifest that it could not read ahead
-    # it prints a page, and whoever needs the manifest is told so anyway.
+    # It warns that local commits are unsafe; ours hold the dataset's lock. It prints a page about a manifest that could
+    # not be read ahead, and whoever needs the manifest is told so anyway.
     icechunk.set_logs_filter("warn,icechunk::storage::object_store=error,icechunk::repository=off")
     return icechunk.local_filesystem_storage(str(location.resolve()))
 

@@ -130,7 +130,7 @@ class _Inspector:
             self._walk(name, tip)
         lost = self._lost_refs(tips)
         damage = [
-            FileDamage(file=file, fault=fault, needed_by=tuple(self._needed_by.get(of, ())), remedy=_FROM_A_COPY)
+            FileDamage(file=file, fault=fault, needed_by=self._names_of(file, of), remedy=_FROM_A_COPY)
             for file, (of, fault) in self._found.items()
         ]
         return Inspection(
@@ -139,6 +139,14 @@ class _Inspector:
             tips={name: tip for name, tip in tips.items() if not is_internal(name)},
             snapshots=sum(one is not None for one in self._read.values()),
         )
+
+    def _names_of(self, file: str, snapshot_id: str) -> tuple[str, ...]:
+        """Branches and releases that need a file which was found damaged for a snapshot."""
+        users = {snapshot_id}
+        if file.startswith("manifests/"):
+            named = set(file.replace("manifests/", "").split(", "))
+            users |= {one for one, found in self._read.items() if found and not named.isdisjoint(found.chunk_counts)}
+        return tuple(sorted({name for one in users for name in self._needed_by.get(one, ())}))
 
     def snapshot(self, snapshot_id: str) -> _Snapshot:
         """What a snapshot says of itself.

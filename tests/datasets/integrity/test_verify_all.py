@@ -60,7 +60,7 @@ def test_a_lost_file_of_an_ancestor_is_named_with_what_needs_it(grasps: GraspRep
     name = grasps.log()[1].snapshot_id
     (grasps.folder / folder / name).unlink()
     damage = {one.file: one.needed_by for one in found(grasps).files}
-    assert damage[f"{folder}/{name}"] == ("main", "work", "v1")
+    assert damage[f"{folder}/{name}"] == ("main", "v1", "work")
 
 
 def test_a_lost_manifest_that_only_an_ancestor_needs_is_named(grasps: GraspRepository) -> None:
@@ -70,7 +70,7 @@ def test_a_lost_manifest_that_only_an_ancestor_needs_is_named(grasps: GraspRepos
     (grasps.folder / "manifests" / lost).unlink()
     (damage,) = found(grasps).files
     assert damage.file == f"manifests/{lost}"
-    assert damage.needed_by == ("main", "work", "v1")
+    assert damage.needed_by == ("main", "v1", "work")
 
 
 def test_branches_whose_files_changed_places_are_named(grasps: GraspRepository) -> None:
