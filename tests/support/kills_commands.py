@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import json
 import os
-import shutil
 import time
 import zipfile
 from collections.abc import Callable
@@ -158,15 +157,22 @@ def make_all(folder: Path) -> None:
     (folder / "mapped").mkdir()
     write_hdf5(folder / "mapped" / "set.hdf5")
     write_map(folder / "mapped" / "map.toml", HDF5_MAP)
-    shutil.copytree(folder / "grasps", folder / "damaged")
-    chunks = sorted((folder / "damaged" / "chunks").iterdir(), key=lambda path: path.stat().st_size)
-    for chunk in chunks[-2:]:
-        chunk.write_bytes(bytes(chunk.stat().st_size))
+    _make_damaged(folder / "damaged")
     with zipfile.ZipFile(GOLDEN / "schema-1.zip") as archive:
         archive.extractall(folder / "old")
     then = time.time() - AGED_S
     for path in folder.rglob("*"):
         os.utime(path, (then, then))
+
+
+def _make_damaged(path: Path) -> None:
+    """One session, of which two pictures are zeroed."""
+    header = make_header(seed=1, width=64, height=48)
+    attempts = [make_attempt(header, number, outcome=Outcome.HELD) for number in range(4)]
+    record(GraspRepository.create(path), header, attempts)
+    chunks = sorted((path / "chunks").iterdir(), key=lambda chunk: chunk.stat().st_size)
+    for chunk in chunks[-2:]:
+        chunk.write_bytes(bytes(chunk.stat().st_size))
 
 
 def make_many(path: Path) -> None:
