@@ -28,7 +28,9 @@ def being_read(repository: GraspRepository, snapshot_id: str, what: str) -> Iter
         VersionRemovedError: It was removed all the same.
     """
     registration = None
-    with suppress(StorageError, AddressError):  # Who may only read, or has no home, does so unregistered.
+    with suppress(
+        CorruptDataError, StorageError, AddressError
+    ):  # Who may only read, or has no home, does so unregistered.
         registration = register_reader(repository, snapshot_id, what)
     try:
         with unless_removed(repository, snapshot_id):

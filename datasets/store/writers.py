@@ -30,7 +30,7 @@ import icechunk
 from ulid import ULID
 
 from handsight.datasets.address import DEFAULT_REF, S3Prefix
-from handsight.datasets.errors import RefNotFoundError, StorageError, pasteable
+from handsight.datasets.errors import CorruptDataError, RefNotFoundError, StorageError, pasteable
 from handsight.datasets.held import HeldFile, is_held, remove_abandoned
 from handsight.datasets.store.icechunk_engine import icechunk_errors, is_missing_ref
 from handsight.datasets.store.leftovers import WRITERS_FOLDER
@@ -80,7 +80,7 @@ class Registration:
         if branch is not None:
             try:
                 _delete_branch(self._repository, branch)
-            except StorageError as error:
+            except (CorruptDataError, StorageError) as error:
                 path = self._repository.path
                 freeing = pasteable("handsight", "dataset", "gc", path, "--ignore-writer", self.id)
                 _log.warning("%s; what it keeps is freed by %s", error, freeing)
@@ -207,7 +207,7 @@ def _enter(
             with icechunk_errors(f"cannot register with {repository.path}"):
                 engine = repository.icechunk_repository
                 engine.create_branch(branch, snapshot_id or engine.lookup_branch(DEFAULT_REF))
-        except StorageError:
+        except (CorruptDataError, StorageError):
             held.release()
             raise
     return Registration(repository, writer_id, held, branch)
