@@ -52,7 +52,7 @@ def lost_refs(repository: GraspRepository) -> list[LostRef]:
         listed = LEDGER_BRANCH in engine.list_branches()
     wrong = _what_is_wrong(repository, engine.lookup_branch, LEDGER_BRANCH, listed=listed, expected=None)
     if wrong:
-        fault = f"the list of releases of {repository.path} {wrong}: 'handsight dataset repair' gives it back"
+        fault = f"the list of releases of {repository.path} {wrong}: {_repair(repository)} gives it back"
         return [LostRef(kind="ledger", name=LEDGER_BRANCH, snapshot_id=None, fault=fault)]
     return [*_lost_releases(repository), *_lost_branches(repository)]
 
@@ -81,8 +81,7 @@ def _lost_releases(repository: GraspRepository) -> Iterator[LostRef]:
             continue
         remedy = f"put refs/tag.{name} back from a copy"
         if expected is not None and repository.has_snapshot(expected):
-            repair = pasteable("handsight", "dataset", "repair", path, "--branch", "repaired")
-            remedy = f"it was {expected}, which it is given again by {repair}"
+            remedy = f"it was {expected}, which it is given again by {_repair(repository)}"
         fault = f"release {name!r} of {path} {wrong}: {remedy}"
         yield LostRef(kind="release", name=name, snapshot_id=expected, fault=fault)
 
@@ -100,8 +99,12 @@ def _lost_branches(repository: GraspRepository) -> Iterator[LostRef]:
         if not wrong:
             continue
         began = known.get(name)
-        fault = f"branch {name!r} of {path} {wrong}: 'handsight dataset repair' gives it its newest commit again"
+        fault = f"branch {name!r} of {path} {wrong}: {_repair(repository)} gives it its newest commit again"
         yield LostRef(kind="branch", name=name, snapshot_id=began, fault=fault)
+
+
+def _repair(repository: GraspRepository) -> str:
+    return pasteable("handsight", "dataset", "repair", repository.path, "--branch", "repaired")
 
 
 def _what_is_wrong(

@@ -50,7 +50,7 @@ from handsight.datasets.store.icechunk_engine import (
 from handsight.datasets.store.layout import check_schema, refuse_occupied, write_empty
 from handsight.datasets.store.leftovers import clear_leftovers
 from handsight.datasets.store.lookup import branch_of, version_named, version_names
-from handsight.datasets.store.refs import create_ref, main_is_lost
+from handsight.datasets.store.refs import create_ref, is_deleted_tag, main_is_lost
 from handsight.datasets.store.releases import (
     LEDGER_BRANCH,
     Release,
@@ -248,6 +248,11 @@ class GraspRepository:
         with self.locked():
             if self.is_taken(name):
                 raise RefNameError(f"{name!r} is taken in {self.path}: releases are immutable, choose another name")
+            if confirmed_releases(self.ledger()).get(name) and not is_deleted_tag(self.path, name):
+                raise RefNameError(
+                    f"{name!r} is a release of {self.path} that is lost: choose another name, or give it back by "
+                    f"{pasteable('handsight', 'dataset', 'repair', self.path, '--branch', 'repaired')}"
+                )
             release = Release(name=name, snapshot_id=self.resolve(ref), message=message, released_at=datetime.now(UTC))
             self.change_ledger(f"release {name}", lambda root: add_to_ledger(root, release, pending=True))
             create_ref(self._icechunk, self.path, "tag", name, release.snapshot_id)

@@ -13,6 +13,7 @@ from tests.support.versions import grow, opened
 from handsight.datasets import (
     CorruptDataError,
     GraspRepository,
+    RefNameError,
     collect_garbage,
     create_branch,
     delete_branch,
@@ -68,6 +69,18 @@ def test_a_lost_release_is_missed_kept_and_put_back(repository: GraspRepository,
 
     assert [one.name for one in restore_refs(reopened)] == ["v1"]
     assert lost(repository) == []
+    assert GraspRepository.open(repository.path).resolve("v1") == released
+
+
+@pytest.mark.parametrize("harm", ["file gone", "folder gone"])
+def test_the_name_of_a_lost_release_is_not_given_again(repository: GraspRepository, harm: str) -> None:
+    released = grow(repository, 3)
+    repository.release("v1")
+    grow(repository, 5)
+    HARM[harm](repository.folder / "refs" / "tag.v1")
+    with pytest.raises(RefNameError, match="is lost: choose another name"):
+        GraspRepository.open(repository.path).release("v1")
+    restore_refs(GraspRepository.open(repository.path))
     assert GraspRepository.open(repository.path).resolve("v1") == released
 
 
