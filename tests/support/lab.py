@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import atexit
+import shutil
+import tempfile
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 from tests.support.factories import make_attempt, make_header, record
@@ -16,7 +20,23 @@ WHERE = "width_final_m < 0.004 and not success and (target == 'cup' or target ==
 
 
 def make_lab(path: Path) -> GraspRepository:
-    """12 and 6 attempts; the second session varied nothing. Attempts of both are excluded, one is relabelled."""
+    """12 and 6 attempts; the second session varied nothing. Attempts of both are excluded, one is relabelled.
+
+    Each process makes it once, and copies it from then on.
+    """
+    shutil.copytree(_template(), path)
+    return GraspRepository.open(path)
+
+
+@cache
+def _template() -> Path:
+    folder = Path(tempfile.mkdtemp(prefix="lab-"))
+    atexit.register(shutil.rmtree, folder)
+    _make(folder / "lab")
+    return folder / "lab"
+
+
+def _make(path: Path) -> None:
     repository = GraspRepository.create(path)
     for seed, count in ((1, 12), (2, 6)):
         objects = ("apple", "household/toy-screwdriver", "[b]cup[/b]", "duck", "egg")
@@ -33,4 +53,3 @@ def make_lab(path: Path) -> GraspRepository:
     Curator(repository, author="jo", branch="trial").exclude(Selection(where="number == 5"), "dark")
     save_filter(repository, "slips", WHERE, author="jo")
     make_folds(repository, "cv2", by="session", count=2, seed=0, author="jo")
-    return repository
