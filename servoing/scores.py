@@ -26,9 +26,8 @@ def check_scores(scores: NDArray[Any], count: int) -> None:
     if not good.all():
         raise ScoreError(
             f"{count - int(good.sum())} of {count} score{'s' * (count != 1)} of a network are not in [0, 1] "
-            f"({_found(scores[~good])}), expected all: its weights or its inputs are "
-            "damaged, or its training diverged; look at the run, or train "
-            "again"
+            f"({_found(scores[~good])}), expected all: its weights or its inputs are damaged, or its training "
+            "diverged; look at the run, or train again"
         )
 
 

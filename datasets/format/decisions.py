@@ -44,7 +44,7 @@ CURATED_COLUMNS = ("recorded_success", "excluded", "exclusion_reason")
 
 _DIGEST_PREFIX = b"handsight curation 1\n"
 _NO_VALUE = -1
-_REMEDY = "open a version from before it, which 'handsight dataset log' lists, or restore the dataset from a copy"
+_REMEDY = "open a version from before it, which the dataset's log lists, or restore the dataset from a copy"
 _TARGET_CHUNK_ROWS = 4096
 _FACTS, _REASON, _AUTHOR = "decisions/facts", "decisions/reason", "decisions/author"
 _TARGETS = "targets/attempt"
@@ -173,7 +173,7 @@ def read_overlay(root: zarr.Group) -> Overlay:
     group = group_at(root, CURATION)
     facts, reasons, authors, keys = (read_all(array_at(group, path)) for path in (_FACTS, _REASON, _AUTHOR, _TARGETS))
     if not len(facts) == len(reasons) == len(authors):
-        counts = f"{len(facts)}, {len(reasons)} and {len(authors)} rows"
+        counts = f"columns of {len(facts)}, {len(reasons)} and {len(authors)}"
         raise CorruptDataError(f"the decisions of curation have {counts}, expected as many of each; {_REMEDY}")
     ids = ids_from_keys(keys)
     decisions: list[Decision] = []

@@ -32,7 +32,7 @@ def filter_entries(root: zarr.Group) -> dict[str, dict[str, Any]]:
     if strange:
         raise CorruptDataError(
             f"saved filters {', '.join(map(repr, strange[:5]))} are damaged, expected an expression of each: open a "
-            "version from before them, which 'handsight dataset log' lists, or restore the dataset from a copy"
+            "version from before them, which the dataset's log lists, or restore the dataset from a copy"
         )
     return entries
 

@@ -20,9 +20,7 @@ from handsight.datasets.format.sessions import SessionInfo
 from handsight.datasets.records import Outcome
 
 _COLUMNS = {column.name: column for column in COLUMNS}
-_REMEDY = (
-    "'handsight dataset verify' finds all such attempts, and 'handsight dataset repair' replaces them on a new branch"
-)
+_REMEDY = "verify finds all such attempts, and repair replaces them on a new branch"
 
 Bounds = tuple[int, int]
 _BOUNDS: Mapping[str, Callable[[SessionInfo, ColumnWidths], Bounds]] = {

@@ -100,7 +100,7 @@ def materialize(
             )
         path.parent.mkdir(parents=True, exist_ok=True)
         fill = partial(_fill, dataset=dataset, rows=rows, viewpoint=viewpoint, grid=grid, on_attempt=on_attempt)
-        with being_read(dataset.repository, dataset.snapshot_id, f"make inputs of {viewpoint} pictures"):
+        with being_read(dataset.repository, dataset.snapshot_id, f"make inputs from the {viewpoint} viewpoint"):
             write_cache(path, holds=holds, shape=shape, dtype=np.float16, fill=fill)
         inputs = np.load(path, mmap_mode="r")
     return GraspInputs(inputs=inputs, attempts=rows)

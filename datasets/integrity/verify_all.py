@@ -20,7 +20,7 @@ from handsight.datasets.reading.reader import GraspDataset
 from handsight.datasets.store.inspection import FileDamage, VersionFiles, inspect
 from handsight.datasets.store.repository import GraspRepository
 
-_REMEDY = "put it back from a copy of the dataset, or let 'handsight dataset repair' replace its attempts"
+_REMEDY = "put it back from a copy of the dataset, or let repair replace its attempts"
 _CHECKSUM_BYTES = 4
 """At the end of every chunk: its crc32c, little-endian."""
 

@@ -135,7 +135,7 @@ def engine_error(action: str, error: icechunk.IcechunkError) -> DatasetError:
     if said := cause_and_remedy(error):
         return StorageError(f"{action}: {said[0]} ({headline(error)}); {said[1]}")
     if any(words in str(error) for words in _OF_DAMAGE):
-        advice = "'handsight dataset verify --all' names all that is damaged, a copy has it whole"
+        advice = "verify with --all names all that is damaged, a copy has it whole"
         return CorruptDataError(f"{action}: {headline(error)}; {advice}")
     advice = "check that the disk is writable and not full, or that the bucket is within reach"
     return StorageError(f"{action}: {headline(error)}; {advice}")

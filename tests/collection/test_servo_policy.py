@@ -196,7 +196,7 @@ def test_a_network_whose_scores_are_none_ends_the_session_without_a_grasp(tmp_pa
     repository = GraspRepository.create(tmp_path / "grasps")
     mixed = policy_named("servo", model=folder, method=None, random_share=0.5, threshold=None)
     settings = CollectSettings(attempts=6, seed=2, workers=1, policy=mixed)
-    with pytest.raises(ScoreError, match="1 of 1 scores"):
+    with pytest.raises(ScoreError, match="1 of 1 score of"):
         collect(repository, SimStationFactory(config=SimConfig()), settings)
     predicted = GraspDataset.open(str(repository.path)).attempts["predicted_success"]
     assert predicted.isna().all()

@@ -97,7 +97,7 @@ def test_a_score_that_is_none_ends_the_run_before_any_grasp(method: Cem | FirstO
 
     with pytest.raises(ScoreError, match=r"1 of 64 scores of a network are not in \[0, 1\]"):
         run(world, method, one_bad)
-    with pytest.raises(ScoreError, match="1 of 1 scores"):
+    with pytest.raises(ScoreError, match="1 of 1 score of"):
         run(world, method, lambda inputs: torch.full((len(inputs),), bad))
     assert world.visited == []
 

@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from tests.support import fuzz_sources as sources
-from tests.support import fuzz_spoilers as spoilers
-from tests.support import fuzz_words as words
+import tests.support.fuzz_sources as sources
+import tests.support.fuzz_spoilers as spoilers
+import tests.support.fuzz_words as words
 from tests.support.foreign_sets import HDF5_MAP, LEROBOT_MAP
 from tests.support.fuzz_mutations import mutate_folder
 from tests.support.fuzz_sources import command

@@ -43,7 +43,7 @@ def test_a_decision_that_nobody_takes_is_named(
 
 def test_decisions_without_reasons_are_damaged(curated: GraspRepository) -> None:
     tamper(curated.folder, "curation/decisions/reason", 0, rows=1)
-    with pytest.raises(CorruptDataError, match="have 2, 1 and 2 rows, expected as many of each"):
+    with pytest.raises(CorruptDataError, match="have columns of 2, 1 and 2, expected as many of each"):
         assert GraspDataset(curated, ref="main").overlay
 
 
