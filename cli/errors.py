@@ -19,7 +19,7 @@ class CommandError(ValueError):
     """Options that are fine one by one and make no sense together."""
 
 
-EXPECTED = (
+_OURS = (
     CommandError,
     CollectionError,
     DatasetError,
@@ -28,8 +28,9 @@ EXPECTED = (
     ServoingError,
     TrainingError,
     VizError,
-    OSError,
 )
+"""Their messages say what to do."""
+EXPECTED = (*_OURS, OSError)
 """Bad input and a bad environment (missing rights, full disk). Anything else is a bug and keeps its traceback."""
 
 
@@ -44,7 +45,7 @@ def report(error: BaseException) -> None:
     if isinstance(error, OSError) and error.errno is not None:
         where = f"{error.filename}: " if error.filename else ""
         text = f"{where}{error.strerror or errno.errorcode.get(error.errno, 'input/output error')}"
-    if not isinstance(error, DatasetError) and (said := said_by(error)):
+    if not isinstance(error, _OURS) and (said := said_by(error)):
         cause, remedy = said
         text = f"{text if isinstance(error, OSError) else cause}; {remedy}"
     sys.stderr.write(f"error: {' '.join(text.split())}\n")

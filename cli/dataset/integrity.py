@@ -96,7 +96,7 @@ def doctor_command(
     else:
         _print_findings(opened, found.findings)
         console.print(
-            "no errors or warnings" if found.ok else "fix the findings above or exclude their attempts, and run again"
+            "no errors or warnings" if found.ok else "fix the findings above or exclude attempts, and run again"
         )
     if not found.ok:
         raise typer.Exit(1)

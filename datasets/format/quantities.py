@@ -9,6 +9,7 @@ reasons.
 from __future__ import annotations
 
 import math
+import sys
 from dataclasses import dataclass
 
 import numpy as np
@@ -72,7 +73,8 @@ class Quantity:
 
     def mistaken_unit(self, value: float) -> str:
         """Units in which the value would be a likely one or, of an impossible value, a possible one; empty for none."""
-        if not math.isfinite(value):
+        # Whole numbers of any length come from files, and no unit makes sense of one that is beyond all measure.
+        if not -sys.float_info.max <= value <= sys.float_info.max:
             return ""
         read = [(value * factor, word) for factor, word in _MISTAKEN.get(self.unit, ())]
         if self.inverse and value:

@@ -125,7 +125,7 @@ def test_values_of_options(lab: Path) -> None:
     ]
     assert set(OBJECT_SETS) <= set(completed("handsight collect sim x --objects "))
     assert completed(f"handsight dataset export {lab} x -f ") == list(EXPORT_FORMATS)
-    assert completed("handsight dataset import x y -f ") == list(FORMATS)
+    assert completed("handsight dataset import x y -f ") == [one.name for one in FORMATS]
     assert completed("handsight collect sim x --vary ") == [*RANDOMIZED, "all"]
 
 

@@ -147,12 +147,14 @@ def spoilt_npy(content: bytes, rng: np.random.Generator) -> bytes:
         text = (repr(header) + "\n").encode()
         return b"\x93NUMPY\x01\x00" + len(text).to_bytes(2, "little") + text + values.tobytes()
     if kind == 2:
-        values = values.astype(one_of(("f4", "i8", "u1", ">f8", "S3", "c8", "U1"), rng), copy=False)
+        with np.errstate(all="ignore"):
+            values = values.astype(one_of(("f4", "i8", "u1", ">f8", "S3", "c8", "U1"), rng), copy=False)
     elif values.dtype.kind == "b":
         values = ~values
     else:
         odd = (0, 1, 100, -1) if values.dtype.kind in "iu" else (np.nan, np.inf, -1e300, 0)
-        values = np.full_like(values, np.asarray(one_of(odd, rng)).astype(values.dtype))
+        with np.errstate(all="ignore"):
+            values = np.full_like(values, np.asarray(one_of(odd, rng)).astype(values.dtype))
     np.lib.format.write_array(out, values)
     return out.getvalue()
 

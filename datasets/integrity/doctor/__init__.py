@@ -3,9 +3,8 @@
 =======  ========  =====================================================================
 GD-101   note      a session is still open
 GD-103   error     arrays of a session differ in length
-GD-104   error     ids are not unique, or numbers of a session have gaps
 GD-105   warning   curation names attempts that this version does not hold
-GD-106   error     stored bytes are damaged (``verify`` names every one)
+GD-106   error     stored bytes are damaged, or hold what no attempt can have (``verify`` names every one)
 GD-107   error     what describes a session is not as recorded
 GD-201   error     a value is missing or not finite where the outcome demands one
 GD-202   error     a gripper opening is negative or wider than the stroke

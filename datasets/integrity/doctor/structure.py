@@ -41,13 +41,6 @@ def _length_findings(ulid: str, group: zarr.Group) -> Iterator[Finding]:
 
 def _id_findings(dataset: GraspDataset) -> Iterator[Finding]:
     table = dataset.attempts
-    positions = table.groupby("session").cumcount()
-    yield from attempt_finding(
-        "GD-104",
-        "error",
-        table.index[table["number"].to_numpy() != positions.to_numpy()],
-        "{attempts} with another number than the position in the session",
-    )
     curated = {one for decision in dataset.overlay.decisions for one in decision.attempts}
     yield from attempt_finding(
         "GD-105",

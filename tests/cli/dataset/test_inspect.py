@@ -158,7 +158,7 @@ def mistakes(grasps: Path, table: pd.DataFrame, folder: Path) -> dict[str, tuple
         "all at once": ([*listing, "-n", "-3", "--sort", "numbr", "--where", "succes"], "did you mean number"),
         "ids and columns": ([*listing, "--ids", "--columns", "number"], "leave one of the two out"),
         "figure": (["dataset", "stats", path, "--plot", str(folder / "s.jpg")], "ends in .png or .svg"),
-        "folder": (["dataset", "stats", path, "--plot", str(folder / "no" / "s.png")], "existing folder"),
+        "folder": (["dataset", "stats", path, "--plot", str(folder / "no" / "s.png")], "create it first"),
         "picture": (["dataset", "show", path, dark, "--picture", str(folder / "a.gif")], "ends in .png"),
         "no picture": (["dataset", "show", path, dark, "--picture", str(folder / "a.png")], "before it took a picture"),
     }

@@ -157,7 +157,7 @@ def test_excluded_attempts_do_not_count_and_corrected_labels_do(path: Path, caps
 def test_people_get_a_table_the_trust_in_it_and_what_to_do(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["dataset", "suspect", str(path), "--epochs", "1", "-n", "4"]) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert len(lines) == 1 + 4 + 5
+    assert len(lines) in (1 + 4 + 5, 1 + 4 + 6)  # A network no better than chance takes a line more.
     assert lines[0].split() == ["attempt", "quality", "label", "predicted", "simulator", "target"]
     assert re.search(r"cross-validated on 20 attempts: balanced accuracy 0\.\d\d, AUC 0\.\d\d", " ".join(lines[5:7]))
     assert "--rrd FILE" in lines[-4]
@@ -232,8 +232,8 @@ def mistakes(folder: Path) -> dict[str, tuple[list[str], str]]:
         "negative seed": ([path, "--seed", "-1"], "seed is -1"),
         "no such column": ([path, "--where", "colour == 1"], "no column 'colour'"),
         "nothing matches": ([path, "--where", "number > 90"], "holds for none of 20 labelled attempts"),
-        "a folder for the recording": ([path, "--rrd", str(folder)], "expected a file name"),
-        "no folder for the recording": ([path, "--rrd", str(folder / "none" / "x.rrd")], "existing folder"),
+        "a folder for the recording": ([path, "--rrd", str(folder)], "expected the name of a file"),
+        "no folder for the recording": ([path, "--rrd", str(folder / "none" / "x.rrd")], "create it first"),
         "no attempts": ([str(folder / "empty")], "has no labelled attempt"),
         "too few": ([str(folder / "few")], "2 successes and 4 failures, expected at least 3 of each"),
         "one class": ([str(folder / "failures")], "0 successes and 9 failures"),

@@ -128,7 +128,9 @@ def test_a_full_disk_for_temporary_files_is_said_and_leaves_nothing(
         def write(self, data: Any) -> int:
             raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr(tempfile, "TemporaryFile", Full)
+    # That of the pictures; whether the target takes files is asked with one in its own folder.
+    real = tempfile.TemporaryFile
+    monkeypatch.setattr(tempfile, "TemporaryFile", lambda **where: real(**where) if where else Full())
     with pytest.raises(StorageError, match=r"cannot keep encoded pictures in .*: No space left .* TMPDIR"):
         import_dataset(tmp_path / "photos", tmp_path / "grasps")
     assert [path.name for path in tmp_path.iterdir()] == ["photos"]

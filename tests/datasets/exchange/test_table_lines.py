@@ -44,14 +44,14 @@ def test_cells_come_by_column_whatever_the_order(tmp_path: Path) -> None:
         ("a\tb\n1\t2\n", r"its separator is '\\t', expected a comma"),
         ("a|b\n1|2\n", r"its separator is '\|', expected a comma"),
         ("a,x\n1,2\n", "columns are missing: b; columns are unknown: 'x'"),
-        ("a,b\n1,2,3\n\n4\n", "line 2 has 3 cells, expected 2; line 4 has 1 cells, expected 2"),
+        ("a,b\n1,2,3\n\n4\n", "line 2 has 3 cells, expected 2; line 4 has 1 cell, expected 2"),
         ("a,b\n", "there are no attempts"),
         ("", "columns are missing: a, b; there are no attempts"),
         ('a,b\n"1,2\n', "cannot be read as a table"),
         (b"a,b\n\xff,2\n", "is not UTF-8 "),
         ("a,b\n1,2\n".encode("utf-16"), "is not UTF-8 "),
         ("a,b\n" + "x" * 200_000 + ",2\n", "cannot be read as a table: field larger than"),
-        ("a,b\n" + "1\n" * 15, "line 11 has 1 cells, expected 2; and 5 more faults"),
+        ("a,b\n" + "1\n" * 15, "line 11 has 1 cell, expected 2; and 5 more faults"),
     ],
 )
 def test_what_is_no_such_table_is_said_at_once(tmp_path: Path, text: str | bytes, message: str) -> None:

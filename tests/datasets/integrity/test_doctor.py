@@ -339,7 +339,7 @@ def in_millimetres(root: zarr.Group, session: str) -> None:
 
 FOUND_AFTER_TAMPERING: dict[str, tuple[Callable[[zarr.Group, str], None], bool]] = {
     "GD-103": (shorten, False),
-    "GD-104": (renumber, False),
+    "GD-106": (renumber, False),
     "GD-107": (redate_to("2001-01-01T00:00:00+00:00"), False),
     "GD-201": (set_value("attempts/pregrasp_x_y_angle", math.nan), False),
     "GD-202": (set_value("attempts/gripper_width_m", 0.85), False),

@@ -86,7 +86,7 @@ def _without_none(row: pd.Series[Any]) -> dict[str, object]:
         ("abs.isna()", "no column 'abs'"),
         ("eval('1') == 1", r"eval\(\) is no known function"),
         ("[n for n in number] == 1", "is not allowed"),
-        ("(lambda: number)() == 1", "is not allowed"),
+        ("(lambda: number)() == 1", "cannot be called"),
         ("f'{number}' == 'a'", "is not allowed"),
         ("number[0] == 1", "is not allowed"),
     ],

@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 from tests.support.factories import make_attempt, make_header, record
-from tests.support.fuzz_parsers import make_images
+from tests.support.fuzz_sources import make_images
 
 from handsight.datasets import GraspDataset, GraspRepository, export_dataset, verify
 

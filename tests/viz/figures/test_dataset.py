@@ -152,8 +152,8 @@ def test_of_many_objects_luck_makes_none_the_best(tmp_path: Path) -> None:
 def test_what_cannot_be_drawn_is_refused(tmp_path: Path) -> None:
     for path, said in (
         (tmp_path / "stats.jpg", r"ends in \.png or \.svg"),
-        (tmp_path / "missing" / "stats.png", "existing folder"),
-        (tmp_path, "existing folder"),
+        (tmp_path / "missing" / "stats.png", "create it first"),
+        (tmp_path, "is a folder"),
     ):
         with pytest.raises(FigureError, match=said):
             stats_figure(made_up(), path, title="g")

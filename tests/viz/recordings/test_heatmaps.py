@@ -106,6 +106,6 @@ def test_faults_are_reported_together_and_nothing_is_written(examples: list[Heat
     unfit = dataclasses.replace(examples[0], heatmap=dataclasses.replace(heatmap, rows_px=heatmap.rows_px[1:]))
     broken = np.full_like(heatmap.scores, np.nan)
     unknown = dataclasses.replace(examples[1], heatmap=dataclasses.replace(heatmap, scores=broken))
-    with pytest.raises(RecordingError, match=r"example 0 \('before'\).*shape.*example 1 \('after'\).*not numbers"):
+    with pytest.raises(RecordingError, match=r"example 0 \('before'\).*shape.*example 1 \('after'\).*no numbers"):
         write_heatmaps(tmp_path / "bad.rrd", [unfit, unknown])
     assert list(tmp_path.iterdir()) == []

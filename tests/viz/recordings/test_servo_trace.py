@@ -193,7 +193,7 @@ def test_without_pictures_from_outside_there_is_no_view_for_them(content: Conten
 def test_pictures_from_outside_that_do_not_fit_are_refused(
     trial: TrialRecording, outside: list[NDArray[np.uint8]], tmp_path: Path
 ) -> None:
-    with pytest.raises(RecordingError, match=r"got 1 outside pictures for \d+ servo steps"):
+    with pytest.raises(RecordingError, match=r"got 1 outside picture for \d+ servo steps"):
         write_servo_trace(tmp_path / "trace.rrd", trial, outside=outside[:1])
     with pytest.raises(RecordingError, match=r"\(30, 80, 3\), \(60, 80, 3\).*expected one shape"):
         write_servo_trace(tmp_path / "trace.rrd", trial, outside=[outside[0][:30], *outside[1:]])

@@ -86,7 +86,7 @@ def test_a_full_disk_and_a_cache_that_cannot_be_written(
     (tmp_path / "file").write_text("no folder")
     monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "file"))
     assert run(words) == 2
-    assert "Not a directory" in capsys.readouterr().err
+    assert "is a file, expected a folder" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("suffix", ["obj", "stl", "ply", "glb"])
