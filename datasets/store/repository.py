@@ -38,7 +38,7 @@ from handsight.datasets.errors import (
     headline,
     pasteable,
 )
-from handsight.datasets.machine import of_the_machine
+from handsight.datasets.machine import cause_and_remedy, of_the_machine
 from handsight.datasets.store.icechunk_engine import (
     icechunk_errors,
     lookup_branches,
@@ -491,5 +491,6 @@ class GraspRepository:
         try:
             self._icechunk.readonly_session(snapshot_id=snapshot_id)
         except icechunk.IcechunkError as error:
-            return not headline(error).startswith("snapshot not found")
+            # Icechunk says so of a file that it could not open, too.
+            return not headline(error).startswith("snapshot not found") or cause_and_remedy(error) is not None
         return True
