@@ -248,7 +248,8 @@ class GraspRepository:
         with self.locked():
             if self.is_taken(name):
                 raise RefNameError(f"{name!r} is taken in {self.path}: releases are immutable, choose another name")
-            if confirmed_releases(self.ledger()).get(name) and not is_deleted_tag(self.path, name):
+            known = confirmed_releases(self.ledger()).get(name)
+            if known and name not in version_names(self.path)[0] and not is_deleted_tag(self.path, name):
                 raise RefNameError(
                     f"{name!r} is a release of {self.path} that is lost: choose another name, or give it back by "
                     f"{pasteable('handsight', 'dataset', 'repair', self.path, '--branch', 'repaired')}"
