@@ -56,7 +56,7 @@ def tamper(folder: Path, path: str, row: int, value: NDArray[Any] | None = None,
     assert isinstance(array, zarr.Array)
     if rows is not None:
         array.resize((rows, *array.shape[1:]))
-    else:
+    elif value is not None:
         array[row] = value
     repository.commit(transaction, branch="main", message="tamper")
 

@@ -38,13 +38,13 @@ def test_a_decision_that_nobody_takes_is_named(
 ) -> None:
     tamper(curated.folder, f"curation/{array}", 1, np.asarray(value))
     with pytest.raises(CorruptDataError, match=rf"decision 1 of curation is damaged \(.*{said}.*open a version"):
-        assert GraspDataset(curated, ref="main").overlay
+        print(GraspDataset(curated, ref="main").overlay)
 
 
 def test_decisions_without_reasons_are_damaged(curated: GraspRepository) -> None:
     tamper(curated.folder, "curation/decisions/reason", 0, rows=1)
     with pytest.raises(CorruptDataError, match="have columns of 2, 1 and 2, expected as many of each"):
-        assert GraspDataset(curated, ref="main").overlay
+        print(GraspDataset(curated, ref="main").overlay)
 
 
 @pytest.mark.parametrize(

@@ -73,7 +73,7 @@ def test_a_release_of_an_unknown_ref_changes_nothing(repository: GraspRepository
 def test_a_ledger_that_nobody_wrote_is_damaged(attributes: dict[str, Any], said: str) -> None:
     ledger = zarr.create_group(MemoryStore(), attributes=attributes)
     with pytest.raises(CorruptDataError, match=said):
-        assert (read_ledger(ledger, {"v1": "A"}), known_branches(ledger)) == ()
+        print(read_ledger(ledger, {"v1": "A"}), known_branches(ledger))
 
 
 def test_a_release_without_a_time_is_read() -> None:
