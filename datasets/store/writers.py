@@ -119,7 +119,18 @@ def register_reader(repository: GraspRepository, snapshot_id: str, what: str) ->
     Raises:
         StorageError: The disk is not writable, or the bucket not within reach.
     """
+    if not isinstance(repository.path, S3Prefix):
+        _forget_dead_readers(repository.side_folder / WRITERS_FOLDER)
     return _enter(repository, READER_PREFIX, snapshot_id, {"what": what, "reads": snapshot_id})
+
+
+def _forget_dead_readers(folder: Path) -> None:
+    """Whoever only reads takes no commit lock, at which entries of killed processes are cleared otherwise."""
+    for file in _files(folder):
+        entry = _from_file(file)
+        if entry is not None and entry.reads is not None:  # That of a writer may have a draft, which goes before it.
+            with suppress(OSError):
+                remove_abandoned(file)
 
 
 @contextmanager

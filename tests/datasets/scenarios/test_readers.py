@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import shutil
+import subprocess
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import closing
 from datetime import UTC, datetime
@@ -192,3 +194,19 @@ def test_reading_by_hand_says_so_too(local: GraspRepository) -> None:
         dataset.frame(first)
     with pytest.raises(VersionRemovedError):
         dataset.info()
+
+
+def test_the_entry_of_a_killed_reader_goes_with_the_next_one(local: GraspRepository) -> None:
+    program = (
+        "import os, sys; from handsight.datasets import GraspRepository; "
+        "from handsight.datasets.store.writers import register_reader; "
+        "repository = GraspRepository.open(sys.argv[1]); "
+        "entry = register_reader(repository, repository.resolve('main'), 'export'); os._exit(9)"
+    )
+    words = [sys.executable, "-P", "-c", program, str(local.path)]
+    assert subprocess.run(words, timeout=60, check=False).returncode == 9
+    entries = local.side_folder / "writers"
+    (left,) = entries.glob("*.json")
+    assert verify(GraspDataset.open(str(local.path))).ok
+    assert not left.exists()
+    assert list(entries.glob("*.json")) == []
