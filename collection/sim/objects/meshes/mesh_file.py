@@ -106,8 +106,11 @@ def _load(path: Path, content: bytes, companions: Companions, *, plain: bool) ->
         raise MeshFault(f"cannot be read ({type(error).__name__}: {shown(str(error))[:200]})") from error
     companions.check()
     place_pictures(scene, materials)
-    _check_triangles(scene)
-    whole = scene.to_mesh()
+    try:
+        _check_triangles(scene)
+        whole = scene.to_mesh()
+    except UnicodeError as error:  # trimesh hashes the names of a file's parts.
+        raise MeshFault("names one of its parts in characters that are none; rename it, or export it again") from error
     # Normals that a file brings may be missing, broken, or turned with the faces; colours may not be wanted.
     return trimesh.Trimesh(
         vertices=whole.vertices, faces=whole.faces, visual=None if plain else whole.visual, process=False

@@ -116,6 +116,7 @@ BAD: dict[str, tuple[bytes, str]] = {
         glb_of(accessors=[{"count": 10**6, "componentType": 5126, "type": "VEC3"}] * 11),
         "accessors of 11000000 rows together",
     ),
+    "name.glb": (glb_of(nodes=[{"mesh": 0, "name": "\ud800"}]), "characters that are none"),
     "nodes.glb": (glb_of(nodes=[{"mesh": 0}] * 2001), "has 2001 nodes, expected at most 2000"),
     # Loops.
     "loop.glb": (glb_of(nodes=[{"children": [1]}, {"children": [0], "mesh": 0}]), "its nodes form no tree"),
