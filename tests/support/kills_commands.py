@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import json
 import os
 import time
 import zipfile
@@ -11,10 +9,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-import cv2
-import numpy as np
-from tests.support.factories import make_attempt, make_header, make_station, record
+from tests.support.factories import make_attempt, make_header, record
 from tests.support.foreign_sets import HDF5_MAP, write_hdf5, write_map
+from tests.support.image_table import write_images
 
 from handsight.cli.app import run
 from handsight.cli.interrupts import INTERRUPTS
@@ -30,7 +27,6 @@ from handsight.datasets import (
     delete_branch,
     export_dataset,
 )
-from handsight.datasets.format.header import station_to_json
 
 GOLDEN = Path(__file__).resolve().parents[1] / "datasets/scenarios/golden"
 AGED_S = 3 * 3600.0
@@ -153,7 +149,7 @@ def make_all(folder: Path) -> None:
     exported = GraspDataset(repository, ref="main")
     for format in ("hdf5", "zarr", "lerobot"):
         export_dataset(exported, folder / f"out.{format}", format=format)
-    _make_images(folder / "images")
+    write_images(folder / "images", 4)
     (folder / "mapped").mkdir()
     write_hdf5(folder / "mapped" / "set.hdf5")
     write_map(folder / "mapped" / "map.toml", HDF5_MAP)
@@ -199,26 +195,6 @@ def _make_grasps(path: Path) -> None:
         with SessionWriter.begin(repository, header, branch=branch) as writer:
             writer.append(make_attempt(header, 0))
     delete_branch(repository, "gone", force=True)
-
-
-def _make_images(folder: Path) -> None:
-    """Pictures and a table, as people have them who wrote their own."""
-    rng = np.random.default_rng(0)
-    folder.mkdir()
-    lines = []
-    for number in range(4):
-        cv2.imwrite(str(folder / f"{number}.png"), rng.integers(0, 255, (48, 64, 3), dtype=np.uint8))
-        cv2.imwrite(str(folder / f"{number}_depth.png"), rng.integers(400, 600, (48, 64), dtype=np.uint16))
-        pose = {"overhead_x_m": 0.6, "overhead_y_m": 0.0, "overhead_z_m": 0.5, "overhead_angle_rad": 0.0}
-        goal = {"pregrasp_x_m": 0.6, "pregrasp_y_m": 0.0, "pregrasp_angle_rad": 0.1, "grasp_z_m": 0.02}
-        pictures = {"overhead_rgb": f"{number}.png", "overhead_depth": f"{number}_depth.png"}
-        lines.append({**pictures, **pose, **goal, "width_final_m": 0.03})
-    with (folder / "attempts.csv").open("w", newline="") as file:
-        writer = csv.DictWriter(file, fieldnames=list(lines[0]))
-        writer.writeheader()
-        writer.writerows(lines)
-    station = make_station(width=64, height=48, conditions=(), objects=())
-    (folder / "station.json").write_text(json.dumps(station_to_json(station)))
 
 
 def carry_out(name: str, case: Path, made: Path, acknowledge: Callable[[int], None]) -> int:

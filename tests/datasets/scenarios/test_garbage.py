@@ -5,8 +5,6 @@ The clock of whoever deletes is two hours ahead, so that to it nothing is too yo
 
 from __future__ import annotations
 
-import csv
-import json
 import os
 import signal
 import sys
@@ -15,11 +13,10 @@ from datetime import UTC, datetime
 from pathlib import Path
 from subprocess import PIPE, Popen
 
-import cv2
-import numpy as np
 import pytest
-from tests.support.factories import make_attempt, make_header, make_station, record
+from tests.support.factories import make_attempt, make_header, record
 from tests.support.garbage import AHEAD, delete_unawares, delete_what_is_old, waiting_import
+from tests.support.image_table import write_images
 
 from handsight.datasets import (
     GraspDataset,
@@ -33,7 +30,6 @@ from handsight.datasets import (
     verify,
 )
 from handsight.datasets.exchange.merge import merge
-from handsight.datasets.format.header import station_to_json
 
 SIZE = 40
 HEADER = make_header(width=64, height=48)
@@ -57,26 +53,6 @@ def target(repository: GraspRepository) -> GraspRepository:
     return repository
 
 
-def write_images(folder: Path) -> None:
-    """Pictures and a table, as people have them who wrote their own."""
-    rng = np.random.default_rng(0)
-    folder.mkdir()
-    lines = []
-    for number in range(SIZE):
-        cv2.imwrite(str(folder / f"{number}.png"), rng.integers(0, 255, (48, 64, 3), dtype=np.uint8))
-        cv2.imwrite(str(folder / f"{number}_depth.png"), rng.integers(400, 600, (48, 64), dtype=np.uint16))
-        pose = {"overhead_x_m": 0.6, "overhead_y_m": 0.0, "overhead_z_m": 0.5, "overhead_angle_rad": 0.0}
-        goal = {"pregrasp_x_m": 0.6, "pregrasp_y_m": 0.0, "pregrasp_angle_rad": 0.1, "grasp_z_m": 0.02}
-        pictures = {"overhead_rgb": f"{number}.png", "overhead_depth": f"{number}_depth.png"}
-        lines.append({**pictures, **pose, **goal, "width_final_m": 0.03})
-    with (folder / "attempts.csv").open("w", newline="") as file:
-        writer = csv.DictWriter(file, fieldnames=list(lines[0]))
-        writer.writeheader()
-        writer.writerows(lines)
-    station = make_station(width=64, height=48, conditions=(), objects=())
-    (folder / "station.json").write_text(json.dumps(station_to_json(station)))
-
-
 def transferring(
     how: str, recorded: GraspDataset, folder: Path
 ) -> Callable[[GraspRepository, Callable[[], None]], object]:
@@ -85,7 +61,7 @@ def transferring(
         return lambda target, on_attempt: merge(recorded, target, on_attempt=on_attempt)
     source = folder / f"out.{how}"
     if how == "images":
-        write_images(source)
+        write_images(source, SIZE)
     else:
         export_dataset(recorded, source, format=how)
     return lambda target, on_attempt: import_dataset(source, target.path, on_attempt=on_attempt)
