@@ -41,8 +41,12 @@ def dataset_fault(path: Path) -> str | None:
     """Why nothing can be added to the dataset in a folder, or where there is none, why none can be made there."""
     faults = [folder_fault(path)]
     if looks_like_dataset(path):
+        try:
+            folders = [one for one in sorted(path.iterdir()) if one.is_dir()]
+        except OSError as error:
+            return f"{path} cannot be listed: {error.strerror}"
         # In a folder that a group shares, each of them may be somebody else's.
-        faults += [folder_fault(folder) for folder in sorted(path.iterdir()) if folder.is_dir()]
+        faults += [folder_fault(folder) for folder in folders]
         faults.append(folder_fault(path / SIDE_FOLDER))
     return next((fault for fault in faults if fault is not None), None)
 

@@ -186,7 +186,9 @@ def _damaged_chunks(path: Location) -> list[FileDamage]:
     if isinstance(path, S3Prefix):
         return []
     found = []
-    for file in sorted((path / "chunks").iterdir()):
+    with machine_blamed(f"{path / 'chunks'} cannot be listed"):
+        files = sorted((path / "chunks").iterdir())
+    for file in files:
         with machine_blamed(f"{file} cannot be read"):
             if not _is_whole(file):
                 fault = "does not have the content that its checksum is of"

@@ -12,6 +12,7 @@ from urllib.request import getproxies, proxy_bypass
 
 from handsight.datasets.address import Location, S3Prefix
 from handsight.datasets.errors import StorageError, headline
+from handsight.datasets.machine import said_by
 from handsight.datasets.store.buckets import bucket_endpoint, bucket_region
 
 if TYPE_CHECKING:
@@ -39,7 +40,8 @@ def stored_files(location: Location, folder: str = "", *, leave_out: str = "") -
 def _on_disk(root: Path, leave_out: str) -> dict[str, int]:
     def refuse(error: OSError) -> None:
         if not isinstance(error, FileNotFoundError):
-            raise StorageError(f"cannot list {error.filename}: {error.strerror}; check that it can be read") from error
+            cause, remedy = said_by(error) or (error.strerror, "check that it can be read")
+            raise StorageError(f"cannot list {error.filename}: {cause}; {remedy}") from error
 
     found = {}
     base = str(root)

@@ -45,6 +45,7 @@ def clear_surroundings(root: Path, side_folder: Path) -> None:
 
     That is where datasets, exports and the robot's model are made. What somebody works at is left alone.
     """
-    for folder in (root.resolve().parent, side_folder, *(one for one in side_folder.rglob("*") if one.is_dir())):
-        clear_unfinished(folder)
+    with suppress(OSError):
+        for folder in (root.resolve().parent, side_folder, *(one for one in side_folder.rglob("*") if one.is_dir())):
+            clear_unfinished(folder)
     clear_abandoned(Path(tempfile.gettempdir()), TEMPORARY_PREFIX)

@@ -17,6 +17,7 @@ import icechunk
 from handsight.datasets.address import DEFAULT_REF
 from handsight.datasets.errors import counted
 from handsight.datasets.held import HeldFolder
+from handsight.datasets.machine import machine_blamed
 from handsight.datasets.store.agreement import LostRef, lost_refs
 from handsight.datasets.store.files import names_in
 from handsight.datasets.store.icechunk_engine import icechunk_errors, storage_at
@@ -89,7 +90,7 @@ def _without_main(path: Path) -> Iterator[GraspRepository]:
     """The dataset as it looks with another main branch, made of links: not one of its own files is changed."""
     stand_in = read_branch(path, LEDGER_BRANCH)
     assert stand_in is not None
-    with HeldFolder("handsight-look-") as folder:
+    with machine_blamed(f"{path} cannot be looked at without its main branch"), HeldFolder("handsight-look-") as folder:
         for one in path.iterdir():
             if one.name != "refs":
                 (folder / one.name).symlink_to(one.resolve())

@@ -32,6 +32,7 @@ from ulid import ULID
 from handsight.datasets.address import DEFAULT_REF, S3Prefix
 from handsight.datasets.errors import CorruptDataError, RefNotFoundError, StorageError, pasteable
 from handsight.datasets.held import HeldFile, is_held, remove_abandoned
+from handsight.datasets.store.files import names_in
 from handsight.datasets.store.icechunk_engine import icechunk_errors, is_missing_ref
 from handsight.datasets.store.leftovers import WRITERS_FOLDER
 from handsight.datasets.store.refs import ref_names
@@ -155,7 +156,7 @@ def writers_at_work(repository: GraspRepository) -> list[Writer]:
     In a local dataset those are processes that are alive, on whatever machine, as far as file locks reach.
 
     Raises:
-        StorageError: The bucket is not within reach.
+        StorageError: The disk cannot be read, or the bucket is not within reach.
     """
     folder = repository.side_folder / WRITERS_FOLDER
     if not isinstance(repository.path, S3Prefix):
@@ -184,7 +185,7 @@ def forget_dead_writers(repository: GraspRepository, ignored: frozenset[str] = f
         ignored: Ids of writers to a bucket that somebody knows to be gone.
 
     Raises:
-        StorageError: The bucket is not within reach.
+        StorageError: The disk cannot be read, or the bucket is not within reach.
     """
     folder = repository.side_folder / WRITERS_FOLDER
     if isinstance(repository.path, S3Prefix):
@@ -235,7 +236,13 @@ def _held(folder: Path, writer_id: str, content: str, *, outlives_loss: bool) ->
 
 
 def _files(folder: Path) -> list[Path]:
-    return sorted(file for file in folder.glob("*.json") if _ULID.fullmatch(file.stem))
+    """Entries of writers and readers of this machine, oldest first.
+
+    Raises:
+        StorageError: The folder cannot be listed. Nobody is at work only where that is known.
+    """
+    files = [folder / name for name in names_in(folder, "")]
+    return [file for file in files if file.suffix == ".json" and _ULID.fullmatch(file.stem)]
 
 
 def _from_file(file: Path) -> Writer | None:

@@ -14,12 +14,14 @@ from handsight.datasets import (
     GraspRepository,
     Outcome,
     SessionWriter,
+    StorageError,
     collect_garbage,
     create_branch,
     delete_branch,
     expire,
     verify,
 )
+from handsight.datasets.store.leftovers import WRITERS_FOLDER
 from handsight.datasets.store.releases import LEDGER_BRANCH
 
 HEADER = make_header(width=64, height=48)
@@ -35,6 +37,20 @@ def recorded(repository: GraspRepository) -> GraspRepository:
 
 def files(repository: GraspRepository) -> set[Path]:
     return {path for path in repository.folder.rglob("*") if path.is_file() and ".handsight" not in path.parts}
+
+
+def test_nothing_is_deleted_while_nobody_can_tell_who_is_at_work(recorded: GraspRepository) -> None:
+    create_branch(recorded, "dev")
+    delete_branch(recorded, "dev", force=True)
+    entries = recorded.side_folder / WRITERS_FOLDER
+    entries.rmdir()
+    entries.write_text("no folder")
+    before = files(recorded)
+    with pytest.raises(StorageError, match=r"cannot list .*writers"):
+        collect_garbage(recorded, dry_run=False, grace=timedelta(0))
+    with pytest.raises(StorageError, match=r"cannot list .*writers"):
+        expire(recorded, datetime.now(UTC), dry_run=False)
+    assert files(recorded) == before
 
 
 def test_garbage_is_what_no_version_needs(recorded: GraspRepository) -> None:
