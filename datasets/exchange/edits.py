@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from handsight.datasets.errors import InterchangeError
 from handsight.datasets.format.decisions import AUTHOR_BYTES, REASON_BYTES, Action, Decision, Overlay
-from handsight.datasets.format.schema import attempt_id
+from handsight.datasets.format.schema import attempt_ids
 from handsight.datasets.records import Outcome
 
 _NAMED = 5
@@ -139,7 +139,7 @@ def decisions_of(
 
 def session_ids(ulid: str, size: int) -> list[str]:
     """The ids of the attempts of a session, in their order."""
-    return [attempt_id(ulid, number) for number in range(size)]
+    return attempt_ids(ulid, range(size))
 
 
 def _of(places: Sequence[str], chosen: NDArray[np.bool_]) -> list[str]:

@@ -11,7 +11,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from handsight.datasets.format.rows import text_from_bytes
-from handsight.datasets.format.schema import COLUMNS, VIEWPOINTS, ColumnWidths, attempt_id
+from handsight.datasets.format.schema import COLUMNS, VIEWPOINTS, ColumnWidths, attempt_ids
 from handsight.datasets.format.sessions import SessionInfo
 from handsight.datasets.format.stored_values import impossible
 from handsight.datasets.records import PHASES, Outcome
@@ -68,8 +68,7 @@ def attempts_table(
 
 
 def _session_table(info: SessionInfo | None, columns: Columns, makers: Mapping[str, Build]) -> pd.DataFrame:
-    prefix = attempt_id("" if info is None else info.ulid, 0)[: -len("000000")]
-    ids = [f"{prefix}{number:06d}" for number in columns["number"].tolist()]
+    ids = attempt_ids("" if info is None else info.ulid, columns["number"].tolist())
     values = {name: build(info, columns) for name, build in makers.items()}
     return pd.DataFrame(values, index=pd.Index(ids, name="attempt", dtype="str"))
 

@@ -73,6 +73,8 @@ def _strange(
         wrong, expected = values != np.arange(start, start + len(values)), "its place in the session"
     elif name in _BOUNDS:
         least, most = _BOUNDS[name](session, widths)
+        if not values.size or (values.min() >= least and values.max() <= most):
+            return None  # A mask of a million rows costs more than their reading.
         wrong, expected = (values < least) | (values > most), f"{least} to {most}"
     else:
         return None

@@ -13,7 +13,7 @@ from handsight.datasets.format.arrays import Arrays, group_at, read_range
 from handsight.datasets.format.digest import attempt_digest
 from handsight.datasets.format.frames import BATCH_FRAMES, read_frames
 from handsight.datasets.format.rows import Row, from_row
-from handsight.datasets.format.schema import COLUMNS, SESSIONS, VIEWPOINTS, Viewpoint, attempt_id
+from handsight.datasets.format.schema import COLUMNS, SESSIONS, VIEWPOINTS, Viewpoint, attempt_id, attempt_ids
 from handsight.datasets.format.sessions import SessionInfo
 from handsight.datasets.reading.reader import GraspDataset
 from handsight.datasets.records import RgbdFrame
@@ -35,7 +35,7 @@ class AttemptRange(NamedTuple):
 
     def ids(self) -> list[str]:
         """The attempts by id."""
-        return [attempt_id(self.session, number) for number in range(self.start, self.stop)]
+        return attempt_ids(self.session, range(self.start, self.stop))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

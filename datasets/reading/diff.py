@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from handsight.datasets.format.schema import attempt_id
+from handsight.datasets.format.schema import attempt_ids
 from handsight.datasets.reading.reader import GraspDataset
 from handsight.datasets.records import Outcome
 
@@ -87,8 +87,7 @@ def _only_in(dataset: GraspDataset, other: GraspDataset) -> Iterator[str]:
     """Ids of attempts that the other version has not; rows of a session are numbered from 0 in both."""
     sizes = {session.ulid: session.attempts for session in other.sessions}
     for session in dataset.sessions:
-        for number in range(sizes.get(session.ulid, 0), session.attempts):
-            yield attempt_id(session.ulid, number)
+        yield from attempt_ids(session.ulid, range(sizes.get(session.ulid, 0), session.attempts))
 
 
 def _replaced(before: GraspDataset, after: GraspDataset) -> list[str]:
@@ -99,7 +98,7 @@ def _replaced(before: GraspDataset, after: GraspDataset) -> list[str]:
             old, new = before.column(session.ulid, "digest"), after.column(session.ulid, "digest")
             common = min(len(old), len(new))
             changed = np.flatnonzero((old[:common] != new[:common]).any(axis=1))
-            replaced += [attempt_id(session.ulid, int(number)) for number in changed]
+            replaced += attempt_ids(session.ulid, changed.tolist())
     return replaced
 
 
