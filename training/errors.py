@@ -2,6 +2,7 @@
 
 TrainingError
 ├── NetworkSettingsError (ValueError)   a network that cannot be built
+├── PictureError (ValueError)           a picture of which a network can score no part
 ├── TrainerSettingsError (ValueError)   training settings out of range
 ├── TrainingDataError (ValueError)      a dataset from which nothing can be learnt
 ├── DivergedError (ArithmeticError)     training that ended in numbers that are none
@@ -15,6 +16,10 @@ class TrainingError(Exception):
 
 class NetworkSettingsError(TrainingError, ValueError):
     """A network that cannot be built."""
+
+
+class PictureError(TrainingError, ValueError):
+    """A picture of which a network can score no part."""
 
 
 class TrainerSettingsError(TrainingError, ValueError):

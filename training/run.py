@@ -13,7 +13,8 @@ from handsight import __version__
 from handsight.datasets.atomic import atomic_file
 from handsight.servoing.homography import InputGrid
 from handsight.training.errors import NetworkSettingsError
-from handsight.training.gqn import GraspQualityNetwork, Scorer
+from handsight.training.gqn import GraspQualityNetwork
+from handsight.training.precision import Precision
 from handsight.training.run_folder import (
     NEXT_WEIGHTS,
     RUN_RECORD,
@@ -23,6 +24,7 @@ from handsight.training.run_folder import (
     remove_unfinished,
 )
 from handsight.training.run_record import RUN_VERSION, WEIGHTS_SHA256, read_record, sealed
+from handsight.training.scorer import Scorer
 from handsight.training.trainer import Epoch, TrainSettings
 from handsight.training.weights import read_weights, write_next_weights
 
@@ -66,9 +68,13 @@ class TrainedRun:
     record: dict[str, Any]
     """The whole ``run.json``."""
 
-    def scorer(self) -> Scorer:
-        """The network as the servo loop wants it."""
-        return Scorer(self.network, self.grid)
+    def scorer(self, *, precision: Precision = "float32") -> Scorer:
+        """The network as the servo loop wants it.
+
+        Raises:
+            NetworkSettingsError: There is no such precision.
+        """
+        return Scorer(self.network, self.grid, precision=precision)
 
 
 def save_run(
@@ -141,9 +147,15 @@ def load_run(folder: str | Path) -> TrainedRun:
     )
 
 
-def load_scorer(folder: str | Path) -> Scorer:
-    """The network of a run, ready to score."""
-    return load_run(folder).scorer()
+def load_scorer(folder: str | Path, *, precision: Precision = "float32") -> Scorer:
+    """The network of a run, ready to score.
+
+    Raises:
+        CheckpointError: As for :func:`load_run`.
+        NetworkSettingsError: There is no such precision.
+        OSError: A file cannot be read.
+    """
+    return load_run(folder).scorer(precision=precision)
 
 
 def _record(

@@ -165,6 +165,7 @@ _RECORD = {
             "kernels": [_SIZE],
             "dense": [_SIZE],
             "size_px": _SIZE,
+            "padded": _Optional(truth),
         },
         "epochs": _Optional(whole(1, 2**31)),
         "batch": _Optional(whole(2, 2**31)),

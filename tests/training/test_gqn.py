@@ -5,17 +5,15 @@ from typing import Any
 import pytest
 import torch
 
-from handsight.servoing.homography import InputGrid
 from handsight.training.errors import NetworkSettingsError
-from handsight.training.gqn import CHANNEL_SETS, GqnConfig, GraspQualityNetwork, Scorer
+from handsight.training.gqn import CHANNEL_SETS, GqnConfig, GraspQualityNetwork
 
 
 @pytest.mark.parametrize("channels", CHANNEL_SETS)
-def test_scores_are_probabilities_of_the_right_shape(channels: str) -> None:
-    network = GraspQualityNetwork(GqnConfig(channels=channels))
-    scores = Scorer(network, InputGrid())(torch.rand(5, 4, 64, 64))
-    assert scores.shape == (5,)
-    assert ((scores > 0) & (scores < 1)).all()
+def test_there_is_a_logit_for_each_input(channels: str) -> None:
+    logits = GraspQualityNetwork(GqnConfig(channels=channels))(torch.rand(5, 4, 64, 64))
+    assert logits.shape == (5,)
+    assert torch.isfinite(logits).all()
 
 
 @pytest.mark.parametrize(("channels", "blind_to"), [("rgb", slice(3, 4)), ("depth", slice(0, 3))])
@@ -29,13 +27,15 @@ def test_a_variant_reads_only_its_channels(channels: str, blind_to: slice) -> No
     assert not torch.allclose(network(inputs), network(1 - inputs))
 
 
-def test_every_layer_halves_and_the_network_stays_small() -> None:
+@pytest.mark.parametrize(("padded", "side", "most"), [(False, 2, 90_000), (True, 4, 190_000)])
+def test_every_layer_halves_and_the_network_stays_small(padded: bool, side: int, most: int) -> None:
     """Section III-B: stride 2 instead of pooling; light enough for a laptop."""
-    network = GraspQualityNetwork(GqnConfig())
+    network = GraspQualityNetwork(GqnConfig(padded=padded))
     convolutions = [layer for layer in network.features if isinstance(layer, torch.nn.Conv2d)]
     assert [layer.stride for layer in convolutions] == [(2, 2)] * 4
-    assert network.features(torch.rand(2, 4, 64, 64)).shape == (2, 64, 4, 4)
-    assert sum(parameter.numel() for parameter in network.parameters()) < 300_000
+    assert {layer.padding == (0, 0) for layer in convolutions} == {not padded}
+    assert network.features(torch.rand(2, 4, 64, 64)).shape == (2, 64, side, side)
+    assert sum(parameter.numel() for parameter in network.parameters()) < most
     kinds = {type(layer).__name__ for layer in network.modules()}
     assert {"ELU", "BatchNorm2d", "SELU"} <= kinds
 
@@ -48,7 +48,7 @@ def test_every_parameter_learns() -> None:
 
 def test_bad_shapes_report_every_fault() -> None:
     with pytest.raises(NetworkSettingsError) as caught:
-        GqnConfig(channels="rgbx", widths=(8,), kernels=(4, 3), size_px=33)
+        GqnConfig(channels="rgbx", widths=(8,), kernels=(4, 3), size_px=33, padded=True)
     for part in ("rgbx", "1 widths and 2 kernels", "odd", "33"):
         assert part in str(caught.value)
 
@@ -65,6 +65,14 @@ def test_bad_shapes_report_every_fault() -> None:
         ({"widths": (8,) * 40, "kernels": (3,) * 40}, "40 widths"),
         ({"kernels": (-1, 3, 3, 3)}, "kernels are"),
         ({"dense": (True,)}, "dense are"),
+        ({"padded": 1}, "padded is 1, expected true or false"),
+        ({"kernels": (4, 3, 4, 4), "padded": True}, "expected odd sizes"),
+        ({"size_px": 72, "padded": True}, "size_px is 72, expected a multiple of 16"),
+        ({"size_px": 4}, "size_px is 4, which leaves 4 px to convolution 1 with its kernel of 5"),
+        (
+            {"size_px": 30},
+            "size_px is 30, which leaves 2 px to convolution 4 with its kernel of 3, expected at least 3",
+        ),
         ({"dense": (4096,) * 8}, "parameters, expected at most"),
     ],
 )
@@ -78,33 +86,12 @@ def test_a_network_of_impossible_size_is_refused_before_it_is_built(settings: di
     [
         GqnConfig(),
         GqnConfig(channels="depth", widths=(4,), kernels=(1,), dense=(), size_px=2),
-        GqnConfig(channels="rgb", widths=(8, 4), kernels=(3, 5), dense=(16,), size_px=16),
+        GqnConfig(channels="rgb", widths=(8, 4), kernels=(3, 5), dense=(16,), size_px=16, padded=True),
+        GqnConfig(widths=(8, 4), kernels=(4, 3), dense=(16,), size_px=33),
     ],
-    ids=["default", "smallest", "other"],
+    ids=["default", "smallest", "padded", "other"],
 )
 def test_what_a_network_keeps_is_known_before_it_is_built(config: GqnConfig) -> None:
     network = GraspQualityNetwork(config)
     assert {name: tuple(tensor.shape) for name, tensor in network.state_dict().items()} == config.shapes
     assert config.parameters == sum(parameter.numel() for parameter in network.parameters())
-
-
-def test_a_scorer_knows_its_grid_and_refuses_that_of_another_network() -> None:
-    network = GraspQualityNetwork(GqnConfig())
-    assert Scorer(network, InputGrid(crop_px=300)).grid.crop_px == 300
-    with pytest.raises(NetworkSettingsError, match="inputs of 32 px, expected 64 px"):
-        Scorer(network, InputGrid(size_px=32))
-
-
-def test_gradients_reach_inputs_that_ask_for_them_and_nothing_is_kept_otherwise() -> None:
-    torch.manual_seed(0)
-    scorer = Scorer(GraspQualityNetwork(GqnConfig()), InputGrid())
-    inputs = torch.rand(3, 4, 64, 64)
-    plain = scorer(inputs)
-    assert not plain.requires_grad
-    asking = inputs.clone().requires_grad_()
-    scores = scorer(asking)
-    assert torch.equal(scores.detach(), plain)
-    (gradient,) = torch.autograd.grad(scores.sum(), asking)
-    assert gradient.abs().sum() > 0
-    with torch.no_grad():
-        assert not scorer(asking).requires_grad

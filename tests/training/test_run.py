@@ -14,7 +14,9 @@ import pytest
 import torch
 from safetensors.torch import save_file
 from tests.support.drawn import SMALL, drawn_inputs
+from tests.support.networks import trained_looking
 from tests.support.run_mutations import mutate_run
+from torch.nn import functional
 
 from handsight.servoing.homography import InputGrid
 from handsight.training.errors import CheckpointError, NetworkSettingsError
@@ -75,7 +77,8 @@ STORED = json.loads("""
   ]
 }
 """)
-SHAPE = GqnConfig(channels="rgb", widths=(8, 8), kernels=(3, 5), dense=(16,), size_px=16)
+SHAPE = GqnConfig(channels="rgb", widths=(8, 8), kernels=(3, 5), dense=(16,), size_px=16, padded=True)
+"""Of the stored record. It does not name padding: when it was written, every network had it."""
 
 
 def test_a_stored_record_is_read_and_one_written_now_has_the_same_keys(tmp_path: Path, run_folder: Path) -> None:
@@ -92,8 +95,31 @@ def test_a_stored_record_is_read_and_one_written_now_has_the_same_keys(tmp_path:
 
     written = json.loads((run_folder / RUN_RECORD).read_text())
     hashes = dict.fromkeys((WEIGHTS_SHA256, RECORD_SHA256))
-    assert keys(written) == {**(keys(STORED) or {}), **hashes}
+    added = {"padded": None}
+    expected = keys(STORED) or {}
+    expected["settings"]["network"] |= added  # type: ignore[index, operator]
+    assert keys(written) == {**expected, **hashes}
     assert list(written["history"][0]) == list(STORED["history"][0])
+
+
+def test_a_run_from_before_there_was_a_choice_of_padding_scores_as_it_did(tmp_path: Path) -> None:
+    """The layers are written out here as they were then."""
+    network = trained_looking(SHAPE)
+    save_file(network.state_dict(), tmp_path / WEIGHTS)
+    (tmp_path / RUN_RECORD).write_text(json.dumps(STORED))
+    inputs = torch.rand(4, 4, 16, 16, generator=torch.Generator().manual_seed(0))
+    x, weights = (inputs[:, :3] - 0.5) / 0.25, network.state_dict()
+    for at, kernel in ((0, 3), (3, 5)):
+        x = functional.conv2d(x, weights[f"features.{at}.weight"], stride=2, padding=kernel // 2)
+        statistics = [
+            weights[f"features.{at + 1}.{name}"] for name in ("running_mean", "running_var", "weight", "bias")
+        ]
+        x = functional.elu(functional.batch_norm(x, *statistics))
+    x = functional.selu(functional.linear(x.flatten(1), weights["head.1.weight"], weights["head.1.bias"]))
+    expected = torch.sigmoid(functional.linear(x, weights["head.3.weight"], weights["head.3.bias"]))[:, 0]
+    torch.testing.assert_close(load_scorer(tmp_path)(inputs), expected, atol=1e-6, rtol=0)
+    coarse = load_scorer(tmp_path, precision="bfloat16")(inputs)
+    assert 0 < (coarse - expected).abs().max() < 0.02
 
 
 @pytest.mark.parametrize("config", [GqnConfig(), SHAPE], ids=["default", "other"])

@@ -85,7 +85,7 @@ def test_a_batch_of_one_is_left_out() -> None:
     """Over one input of which one pixel is left, batch normalisation has no variance, and torch refuses."""
     data = drawn_inputs(10, seed=0)
     small = GraspInputs(inputs=data.inputs[:, :, 6:10, 6:10].copy(), attempts=data.attempts)
-    settings = replace(SMALL, network=replace(SMALL.network, size_px=4), epochs=1, holdout=0, batch=13)
+    settings = replace(SMALL, network=replace(SMALL.network, size_px=4, padded=True), epochs=1, holdout=0, batch=13)
     (seen,) = passes_of(small, settings)
     assert len(seen) == 39
 

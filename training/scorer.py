@@ -1,0 +1,82 @@
+"""A trained network as the servo loop wants it: pictures in, success metrics S out."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from handsight.servoing.homography import InputGrid
+from handsight.training.errors import NetworkSettingsError, PictureError
+from handsight.training.folded import folded
+from handsight.training.gqn import GraspQualityNetwork
+from handsight.training.precision import Precision, dtype_for
+
+_CROPS = 256
+"""Crops that a network with padding scores at once."""
+
+
+class Scorer:
+    """Scores inputs, and all crops of a picture, on the device of the network.
+
+    The network's weights are copied, so training it further changes no score.
+    """
+
+    def __init__(self, network: GraspQualityNetwork, grid: InputGrid, *, precision: Precision = "float32") -> None:
+        """Prepare ``network`` for inference.
+
+        Args:
+            network: The network.
+            grid: Crop and size of the inputs that it was trained on.
+            precision: In which numbers to compute. With ``bfloat16``, scores differ from those of ``float32`` by a few
+                thousandths. What ``auto`` computes depends on the machine, and so would a session collected with it.
+
+        Raises:
+            NetworkSettingsError: The network reads pictures of another size, or there is no such precision.
+        """
+        if grid.size_px != network.config.size_px:
+            raise NetworkSettingsError(
+                f"the grid makes inputs of {grid.size_px} px, expected {network.config.size_px} px, which the network "
+                "reads"
+            )
+        self._folded = folded(network, dtype=dtype_for(precision, network.get_buffer("shift").device))
+        self.grid = grid
+
+    def __call__(self, inputs: Tensor) -> Tensor:
+        """(B, 4, size, size) -> (B,). Gradients reach inputs that require them; otherwise nothing is kept for them."""
+        with torch.set_grad_enabled(torch.is_grad_enabled() and inputs.requires_grad):
+            return torch.sigmoid(self._folded.logits(inputs))
+
+    def score_map(self, picture: Tensor, *, every: int = 1) -> Tensor:
+        """Scores of every window of a picture; for a network without padding in one pass over all of it.
+
+        Args:
+            picture: At the resolution of the network's inputs. Shape (4, H, W).
+            every: Step between windows, in pixels.
+
+        Returns:
+            Entry (r, c) is the score of ``picture[:, every*r : every*r + size, every*c : every*c + size]``, equal to
+            that of the window alone to 1e-4 in float32. Shape (R, C) with R = (H - size) // every + 1 and C likewise.
+
+        Raises:
+            PictureError: No window fits into the picture, it has no four channels, or the step is not positive.
+        """
+        size_px = self.grid.size_px
+        if picture.ndim != 3 or len(picture) != 4 or min(picture.shape[1:]) < size_px or every < 1:
+            raise PictureError(
+                f"the picture has shape {tuple(picture.shape)} and windows are to begin every {every} px, expected "
+                f"(4, H, W) with sides of at least {size_px} px, and a step of at least 1 px"
+            )
+        with torch.set_grad_enabled(torch.is_grad_enabled() and picture.requires_grad):
+            if self._folded.config.padded:
+                return self._score_each(picture, every)
+            return torch.sigmoid(self._folded.logits_map(picture, every=every))
+
+    def _score_each(self, picture: Tensor, every: int) -> Tensor:
+        """Window by window: the border of each is its own. (4, H, W) -> (R, C)."""
+        size_px = self.grid.size_px
+        windows = picture.unfold(1, size_px, every).unfold(2, size_px, every)  # (4, R, C, size, size)
+        rows, columns = windows.shape[1:3]
+        corners = [(row, column) for row in range(rows) for column in range(columns)]
+        batches = [corners[start : start + _CROPS] for start in range(0, len(corners), _CROPS)]
+        scores = [self(torch.stack([windows[:, row, column] for row, column in batch])) for batch in batches]
+        return torch.cat(scores).reshape(rows, columns)
