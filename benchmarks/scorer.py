@@ -82,7 +82,7 @@ def _map(rows: int, columns: int, every: int) -> Figure:
             "window by window": 1000 * median_s(torch.inference_mode()(one_by_one), runs=1, warm_up=False),
         },
         n=rows * columns,
-        what=f"Scores of all windows of a picture {every} px apart, by shared convolutions; one by one in batches of 256.",
+        what=f"Scores of all windows of a picture, {every} px apart, by shared convolutions; peer in batches of 256.",
     )
 
 

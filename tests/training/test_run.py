@@ -97,7 +97,7 @@ def test_a_stored_record_is_read_and_one_written_now_has_the_same_keys(tmp_path:
     hashes = dict.fromkeys((WEIGHTS_SHA256, RECORD_SHA256))
     added = {"padded": None}
     expected = keys(STORED) or {}
-    expected["settings"]["network"] |= added  # type: ignore[index, operator]
+    expected["settings"]["network"] |= added  # type: ignore[index]
     assert keys(written) == {**expected, **hashes}
     assert list(written["history"][0]) == list(STORED["history"][0])
 
