@@ -60,7 +60,7 @@ class HeldFolder:
     """
 
     def __init__(self, prefix: str) -> None:
-        folder = Path(tempfile.gettempdir())
+        folder = temporary_folder()
         clear_abandoned(folder, prefix)
         self.path = folder / f"{prefix}{secrets.token_hex(4)}"
         self._lock = HeldFile(lock_of(self.path))
@@ -79,6 +79,19 @@ class HeldFolder:
         """Delete the folder and what is in it."""
         self._remove()
         self._lock.release()
+
+
+def temporary_folder() -> Path:
+    """Where temporary files go: the folder that Python takes too, but chosen without writing to it.
+
+    Python writes a file to each candidate and deletes it again; a process that is killed in between leaves it there.
+    """
+    if tempfile.tempdir is None and os.name == "posix":
+        named = [os.environ[name] for name in ("TMPDIR", "TEMP", "TMP") if os.environ.get(name)]
+        for folder in (*named, "/tmp", "/var/tmp", "/usr/tmp"):
+            if os.path.isdir(folder) and os.access(folder, os.W_OK | os.X_OK):
+                return Path(folder).absolute()
+    return Path(tempfile.gettempdir())
 
 
 def lock_of(path: Path) -> Path:

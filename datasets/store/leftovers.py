@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import tempfile
 from contextlib import suppress
 from pathlib import Path
 
 from handsight.datasets.atomic import clear_unfinished, is_unfinished
-from handsight.datasets.held import clear_abandoned, remove_abandoned, remove_tree
+from handsight.datasets.held import clear_abandoned, remove_abandoned, remove_tree, temporary_folder
 from handsight.datasets.store.releases import DRAFT_PREFIX
 
 TEMPORARY_PREFIX = "handsight-"
@@ -48,4 +47,4 @@ def clear_surroundings(root: Path, side_folder: Path) -> None:
     with suppress(OSError):
         for folder in (root.resolve().parent, side_folder, *(one for one in side_folder.rglob("*") if one.is_dir())):
             clear_unfinished(folder)
-    clear_abandoned(Path(tempfile.gettempdir()), TEMPORARY_PREFIX)
+    clear_abandoned(temporary_folder(), TEMPORARY_PREFIX)

@@ -14,7 +14,15 @@ from subprocess import PIPE, Popen
 
 import pytest
 
-from handsight.datasets.held import HeldFile, HeldFolder, clear_abandoned, is_held, lock_of, remove_abandoned
+from handsight.datasets.held import (
+    HeldFile,
+    HeldFolder,
+    clear_abandoned,
+    is_held,
+    lock_of,
+    remove_abandoned,
+    temporary_folder,
+)
 
 HOLDER = """
 import sys
@@ -132,3 +140,17 @@ os.kill(os.getpid(), signal.SIGKILL)
         (mine / "file").write_text("")
         assert sorted(tmp_path.iterdir()) == [mine, lock_of(mine)]
     assert list(tmp_path.iterdir()) == []
+
+
+def test_the_temporary_folder_is_chosen_without_a_trace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Python's own choice writes a file and deletes it: a kill between both leaves it (found by 1,000 kills)."""
+    monkeypatch.setattr(tempfile, "tempdir", None)
+    monkeypatch.setattr(tempfile, "gettempdir", lambda: pytest.fail("asked for Python's choice"))
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    assert temporary_folder() == tmp_path
+    monkeypatch.setenv("TMPDIR", str(tmp_path / "missing"))
+    monkeypatch.setenv("TEMP", str(tmp_path))
+    assert temporary_folder() == tmp_path
+    monkeypatch.setattr(tempfile, "gettempdir", lambda: str(tmp_path / "chosen"))
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "chosen"))
+    assert temporary_folder() == tmp_path / "chosen"

@@ -38,7 +38,7 @@ _WAKING = 8
 _LOAD, _EQUAL, _ANY_BIT, _RETURN = 0x20, 0x15, 0x45, 0x06
 _ASK, _ALLOW = 0x7FC00000, 0x7FFF0000
 _RECEIVE, _ANSWER, _GO_ON = 0xC0502100, 0xC0182101, 1
-_SECCOMP, _NO_NEW_PRIVILEGES = 317, 38
+_SECCOMP, _NO_NEW_PRIVILEGES, _BECOME_REAPER = 317, 38, 36
 _OUTLIVED_S = 10.0
 
 
@@ -121,6 +121,7 @@ def _run(work: Callable[[], int], blow: _Blow | None) -> Fate:
 
 def _watch(pid: int, listener: int | None, began: float, blow: _Blow) -> Fate:
     """Answer the family's questions until all of it has ended."""
+    ctypes.CDLL(None).prctl(_BECOME_REAPER, 1, 0, 0, 0)
     child = os.pidfd_open(pid)
     poll, poll_gone = select.poll(), select.poll()
     for one in (poll, poll_gone):
@@ -156,13 +157,25 @@ def _watch(pid: int, listener: int | None, began: float, blow: _Blow) -> Fate:
                 status = os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
                 ended_at = time.monotonic()
                 poll.unregister(child)
-            if ended_at is not None and listener is None:
-                break
+            if ended_at is not None:
+                _reap(pid)
+                if listener is None:
+                    break
     finally:
         os.close(child)
     ended_at = ended_at or time.monotonic()
     killed = status == -signal.SIGKILL
     return Fate(status=None if killed else status, points=points, elapsed_s=ended_at - began, outlived=outlived)
+
+
+def _reap(group: int) -> None:
+    """Take note of the end of orphans. Else they are the init process's, and may lie there unnoticed for a minute, in
+    which the kernel counts them as going on."""
+    try:
+        while os.waitpid(-group, os.WNOHANG)[0]:
+            pass
+    except ChildProcessError:
+        pass
 
 
 def _answer(listener: int) -> None:
