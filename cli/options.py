@@ -21,7 +21,7 @@ TRAINING_OBJECTS = "household-train"
 """What is grasped where training data are collected."""
 NOVEL_OBJECTS = "household-test"
 """What is grasped where methods are compared: objects that training never saw."""
-METHOD_NAMES = ("random", "cem-1", "first-order")
+METHOD_NAMES = ("random", "cem-5", "cem-1", "first-order", "second-order", "gauss-newton", "global")
 """Servo methods, for completion; the registry has them too, and a test that they agree."""
 EXPORT_FORMAT_NAMES = ("hdf5", "zarr", "lerobot")
 FORMAT_NAMES = (*EXPORT_FORMAT_NAMES, "images")

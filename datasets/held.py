@@ -88,9 +88,9 @@ def temporary_folder() -> Path:
     """
     if tempfile.tempdir is None and os.name == "posix":
         named = [os.environ[name] for name in ("TMPDIR", "TEMP", "TMP") if os.environ.get(name)]
-        for folder in (*named, "/tmp", "/var/tmp", "/usr/tmp"):
-            if os.path.isdir(folder) and os.access(folder, os.W_OK | os.X_OK):
-                return Path(folder).absolute()
+        for folder in map(Path, (*named, "/tmp", "/var/tmp", "/usr/tmp")):
+            if folder.is_dir() and os.access(folder, os.W_OK | os.X_OK):
+                return folder.absolute()
     return Path(tempfile.gettempdir())
 
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from handsight.servoing.errors import ServoSettingsError
 from handsight.servoing.objective import Objective
 from handsight.servoing.scorer import GraspScorer
+from handsight.servoing.sweep import Sweep
 from handsight.servoing.view import View
 
 BATCH = 256
@@ -35,7 +36,14 @@ class Heatmap:
 
 
 def grasp_heatmap(view: View, scorer: GraspScorer, *, spacing_px: int = 8, angle_rad: float = 0.0) -> Heatmap:
-    """Score a translation to every ``spacing_px``-th pixel of the picture, all with the same turn.
+    """Score translations over the whole picture, all with the same turn.
+
+    Args:
+        view: The picture.
+        scorer: The network.
+        spacing_px: Raw pixels between points. Without a turn it is rounded to whole pixels of the network's input
+            (6.25 raw ones for 64 from 400), because all of those are scored in one pass.
+        angle_rad: Turn of the gripper against its current angle.
 
     Raises:
         ServoSettingsError: The spacing is not positive, or no point of it lies in the picture.
@@ -47,14 +55,31 @@ def grasp_heatmap(view: View, scorer: GraspScorer, *, spacing_px: int = 8, angle
             f"heatmap spacing is {spacing_px} px, expected at least 1 and at most {min(k.width, k.height)}, the "
             "shorter side of the picture"
         )
-    plane_m = view.plane_m
+    objective = Objective(view, scorer)
+    pitch_px = scorer.grid.crop_px / scorer.grid.size_px
+    every = max(1, round(spacing_px / pitch_px))
+    if angle_rad == 0:
+        return _on_the_lattice(view, objective.sweep(0.0, every=every))
+    return _brute_force(view, objective, spacing_px, angle_rad)
+
+
+def _on_the_lattice(view: View, swept: Sweep) -> Heatmap:
+    """Without a turn the lattice's rows and columns are the picture's."""
+    k, plane_m = view.camera.intrinsics, view.plane_m
+    columns_px = (swept.steps[0, :, 0] - view.camera.x_tool_camera_m) * k.fx / plane_m + k.cx
+    rows_px = (swept.steps[:, 0, 1] - view.camera.y_tool_camera_m) * k.fy / plane_m + k.cy
+    return Heatmap(scores=swept.scores.numpy(), columns_px=columns_px.numpy(), rows_px=rows_px.numpy(), angle_rad=0.0)
+
+
+def _brute_force(view: View, objective: Objective, spacing_px: int, angle_rad: float) -> Heatmap:
+    """Each point's crop by itself, where the lattice is turned against the picture."""
+    k, plane_m = view.camera.intrinsics, view.plane_m
     columns_px = np.arange(0.5 * (spacing_px - 1), k.width, spacing_px, dtype=np.float32)
     rows_px = np.arange(0.5 * (spacing_px - 1), k.height, spacing_px, dtype=np.float32)
     dx_m = (columns_px - k.cx) * plane_m / k.fx + view.camera.x_tool_camera_m
     dy_m = (rows_px - k.cy) * plane_m / k.fy + view.camera.y_tool_camera_m
     grid_dy_m, grid_dx_m = np.meshgrid(dy_m, dx_m, indexing="ij")
     steps = np.stack([grid_dx_m.ravel(), grid_dy_m.ravel(), np.full(grid_dx_m.size, angle_rad)], axis=1)
-    objective = Objective(view, scorer)
     batches = torch.from_numpy(steps.astype(np.float32)).split(BATCH)
     scores = torch.cat([objective(batch) for batch in batches]).numpy()
     return Heatmap(scores=scores.reshape(grid_dx_m.shape), columns_px=columns_px, rows_px=rows_px, angle_rad=angle_rad)

@@ -97,25 +97,55 @@ def predict_inputs(view: PreparedView, steps: Tensor, *, grid: InputGrid, view_p
     _check_steps(steps)
     plane_m = view.plane_m if view_plane_m is None else view_plane_m
     maps = raw_from_input(view.camera, steps, plane_m=view.plane_m, view_plane_m=plane_m, grid=grid)
+    return _resampled(view, maps, width_px=grid.size_px, height_px=grid.size_px)
+
+
+def predict_picture(view: PreparedView, step: Tensor, *, grid: InputGrid, width_px: int, height_px: int) -> Tensor:
+    """A picture larger than a network input whose every crop is the input of a step; edges are replicated.
+
+    The crop that begins at (row, column) is the input predicted for ``step`` moved by so many network pixels along the
+    axes of the turned tool.
+
+    Args:
+        view: The prepared picture.
+        step: The step whose input is the picture's first crop, (dx [m], dy [m], dangle [rad]). Shape (3,).
+        grid: Crop and size of the network input.
+        width_px: Columns of the picture, in network pixels.
+        height_px: Its rows.
+
+    Returns:
+        Channels as of :func:`predict_inputs`. Shape (4, height, width).
+
+    Raises:
+        StepError: The step has another shape or type.
+    """
+    _check_steps(step[None])
+    maps = raw_from_input(view.camera, step[None], plane_m=view.plane_m, view_plane_m=view.plane_m, grid=grid)
+    return _resampled(view, maps, width_px=width_px, height_px=height_px)[0]
+
+
+def _resampled(view: PreparedView, maps: Tensor, *, width_px: int, height_px: int) -> Tensor:
+    """The view's channels where maps from network to raw pixels say. (B, 2, 3) -> (B, 4, height, width)."""
     cell = view.pixels_per_cell
     channels, height, width = view.channels.shape
     # Raw pixel -> decimated pixel -> [-1, 1]; the centre of cell i is at raw pixel cell * i + (cell - 1) / 2.
     scale = 2 / (maps.new_tensor([width, height]) - 1)
     maps = maps * (scale / cell)[:, None]
     maps[:, :, 2] -= 0.5 * (cell - 1) / cell * scale + 1
-    axis = torch.arange(grid.size_px, dtype=maps.dtype, device=maps.device)
-    column = maps[:, :, 0, None] * axis  # (B, 2, size)
-    row = maps[:, :, 1, None] * axis + maps[:, :, 2, None]  # (B, 2, size)
+    columns = torch.arange(width_px, dtype=maps.dtype, device=maps.device)
+    rows = torch.arange(height_px, dtype=maps.dtype, device=maps.device)
+    column = maps[:, :, 0, None] * columns  # (B, 2, width)
+    row = maps[:, :, 1, None] * rows + maps[:, :, 2, None]  # (B, 2, height)
     points = (row[:, :, :, None] + column[:, :, None, :]).permute(0, 2, 3, 1)  # (B, row, column, 2)
     # One tall picture instead of a batch of copies: all samples read the same source.
-    batch, size = len(steps), grid.size_px
+    batch = len(maps)
     sampled = functional.grid_sample(
         view.channels[None].to(points),
-        points.reshape(1, batch * size, size, 2),
+        points.reshape(1, batch * height_px, width_px, 2),
         padding_mode="border",
         align_corners=True,
     )
-    return sampled.reshape(channels, batch, size, size).transpose(0, 1).contiguous()
+    return sampled.reshape(channels, batch, height_px, width_px).transpose(0, 1).contiguous()
 
 
 def _check_steps(steps: Tensor) -> None:

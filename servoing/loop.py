@@ -48,6 +48,10 @@ class ServoStep:
     """Predicted success after the chosen step; equals ``score`` on the last pass."""
     inputs: Tensor
     """The network's input at ``pose``. Shape (4, size, size)."""
+    predicted_inputs: Tensor | None
+    """The input that the homography predicts after the chosen step; None on the last pass. Shape (4, size, size)."""
+    look_s: float
+    """Time to take the picture [s]."""
     compute_s: float
     """Time from picture to decision, without camera and robot [s]."""
 
@@ -91,17 +95,18 @@ def servo(
     """
     optimiser = method.begin()
     steps: list[ServoStep] = []
-    for remaining in range(method.max_steps, -1, -1):
+    for taken in range(method.max_steps + 1):
+        asked = time.perf_counter()
         view, pose = look()
-        started = time.perf_counter()
+        seen = time.perf_counter()
         objective = Objective(view, scorer)
         score = objective.score_here()
         proposal = None
-        if score < settings.threshold and remaining:
+        if taken < method.max_steps and (score < settings.threshold or taken < method.min_steps):
             proposal = optimiser.propose(objective, score, rng)
-        compute_s = time.perf_counter() - started
-        steps.append(_record(view, pose, score, objective, proposal, compute_s))
-        if proposal is None or not move(pose.after(_planar(proposal.step))):
+        timing = _Timing(look_s=seen - asked, compute_s=time.perf_counter() - seen)
+        steps.append(_record(view, pose, score, objective, proposal, timing))
+        if proposal is None or not _move_within_reach(move, pose, proposal.step):
             break
     best = max(steps, key=lambda step: step.score)
     if best is not steps[-1] and steps[-1].score < settings.threshold:
@@ -116,8 +121,21 @@ def servo(
     )
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Timing:
+    """How long the parts of one pass took."""
+
+    look_s: float
+    compute_s: float
+
+
+def _move_within_reach(move: Move, pose: PlanarPose, step: Tensor) -> bool:
+    """Take the step, or a half or a quarter of it where the workspace ends; False when none of them can be reached."""
+    return any(move(pose.after(_planar(share * step))) for share in (1.0, 0.5, 0.25))
+
+
 def _record(
-    view: View, pose: PlanarPose, score: float, objective: Objective, proposal: Proposal | None, compute_s: float
+    view: View, pose: PlanarPose, score: float, objective: Objective, proposal: Proposal | None, timing: _Timing
 ) -> ServoStep:
     return ServoStep(
         view=view,
@@ -126,7 +144,9 @@ def _record(
         proposal=proposal,
         predicted=float(objective(proposal.step[None])[0]) if proposal else score,
         inputs=objective.inputs_here(),
-        compute_s=compute_s,
+        predicted_inputs=objective.inputs(proposal.step[None])[0] if proposal else None,
+        look_s=timing.look_s,
+        compute_s=timing.compute_s,
     )
 
 

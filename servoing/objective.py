@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from torch import Tensor
 
+from handsight.servoing.footprint import Footprint
 from handsight.servoing.homography import predict_inputs
 from handsight.servoing.prepared_view import PreparedView
 from handsight.servoing.scorer import GraspScorer
 from handsight.servoing.scores import check_scores
+from handsight.servoing.sweep import Sweep, sweep
 from handsight.servoing.view import View
 
 
@@ -31,6 +33,20 @@ class Objective:
         scores = self._scorer(self.inputs(steps))
         check_scores(scores.numpy(force=True), len(steps))
         return scores
+
+    @property
+    def footprint(self) -> Footprint:
+        """What the picture shows, as steps of the gripper."""
+        return Footprint.of(self._prepared.camera, plane_m=self._prepared.plane_m)
+
+    def sweep(self, angle_rad: float, *, every: int = 1) -> Sweep:
+        """Predicted success of every position in the picture at one angle, ``every`` network pixels apart.
+
+        Raises:
+            ServoSettingsError: The spacing is not positive, or the angle is not finite.
+            ScoreError: A score is not in [0, 1].
+        """
+        return sweep(self._prepared, self._scorer, angle_rad=angle_rad, every=every)
 
     def inputs(self, steps: Tensor) -> Tensor:
         """The predicted pictures themselves. (B, 3) -> (B, 4, size, size)."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import Field, asdict, dataclass
 from typing import Any, ClassVar, Protocol
 
@@ -10,9 +9,22 @@ import numpy as np
 from torch import Tensor
 
 from handsight.servoing.errors import UnknownMethodError
+from handsight.servoing.footprint import Footprint
+from handsight.servoing.sweep import Sweep
 
-ScoreSteps = Callable[[Tensor], Tensor]
-"""Predicted success of steps (dx [m], dy [m], dangle [rad]) from the current view. (B, 3) -> (B,)."""
+
+class StepObjective(Protocol):
+    """What a method climbs: predicted success of steps from the current view (eq. 3)."""
+
+    @property
+    def footprint(self) -> Footprint:
+        """What the picture shows, as steps of the gripper: beyond it everything is guessed."""
+
+    def __call__(self, steps: Tensor) -> Tensor:
+        """Predicted success of steps (dx [m], dy [m], dangle [rad]). (B, 3) -> (B,)."""
+
+    def sweep(self, angle_rad: float, *, every: int = 1) -> Sweep:
+        """Predicted success of every position in the picture at one angle, ``every`` network pixels apart."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,8 +44,14 @@ class Proposal:
 class Optimiser(Protocol):
     """Chooses the next step of one servo run; may remember its earlier steps."""
 
-    def propose(self, score_steps: ScoreSteps, score_here: float, rng: np.random.Generator) -> Proposal:
-        """Choose a step from the current view."""
+    def propose(self, objective: StepObjective, score_here: float, rng: np.random.Generator) -> Proposal:
+        """Choose a step from the current view.
+
+        Args:
+            objective: What to climb.
+            score_here: S_0, predicted success of not moving.
+            rng: Source of all randomness.
+        """
 
 
 class Method(Protocol):
@@ -44,6 +62,10 @@ class Method(Protocol):
     @property
     def max_steps(self) -> int:
         """Moves after which the best pose seen is grasped."""
+
+    @property
+    def min_steps(self) -> int:
+        """Moves before which nothing is grasped, however good it looks."""
 
     def begin(self) -> Optimiser:
         """An optimiser that has seen nothing yet."""
@@ -66,6 +88,11 @@ class ServoMethod:
     def max_steps(self) -> int:
         """Moves after which the best pose seen is grasped."""
         return 0 if self.settings is None else self.settings.max_steps
+
+    @property
+    def min_steps(self) -> int:
+        """Moves before which nothing is grasped, however good it looks."""
+        return 0 if self.settings is None else self.settings.min_steps
 
     def to_json(self) -> dict[str, Any]:
         """Everything that decides its steps beside the view, the network and the random stream, as JSON values."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from torch import Tensor
 
@@ -24,4 +24,16 @@ class GraspScorer(Protocol):
         """Success metrics S in [0, 1] of a batch. (B, 4, size, size) -> (B,).
 
         Gradients reach inputs that require them.
+        """
+
+
+@runtime_checkable
+class MapScorer(GraspScorer, Protocol):
+    """A scorer that can score all crops of a picture at once, for less than one by one."""
+
+    def score_map(self, picture: Tensor, *, every: int = 1) -> Tensor:
+        """Scores of the windows of a picture at the resolution of the inputs, one at every ``every``-th pixel.
+
+        Entry (r, c) is the score of ``picture[:, every*r : every*r + size, every*c : every*c + size]``, to 1e-4 what
+        the scorer gives for that crop alone. (4, H, W) -> ((H - size) // every + 1, (W - size) // every + 1).
         """

@@ -28,6 +28,8 @@ class View:
             faults.append(f"rgb is {self.rgb.dtype} {self.rgb.shape}, expected uint8 {(k.height, k.width, 3)}")
         if self.depth_m.shape != (k.height, k.width):
             faults.append(f"depth has shape {self.depth_m.shape}, expected {(k.height, k.width)}")
+        if self.depth_m.dtype.kind != "f":
+            faults.append(f"depth is {self.depth_m.dtype}, expected floating-point metres")
         if faults:
             raise ImageError("; ".join(faults))
 

@@ -6,11 +6,11 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
-import torch
 from torch import Tensor
 
 from handsight.servoing.errors import ServoSettingsError
-from handsight.servoing.optimiser import Proposal, ScoreSteps
+from handsight.servoing.optimiser import Proposal, StepObjective
+from handsight.servoing.regression import regress_gradient
 from handsight.servoing.sampling import StepRange, uniform_steps
 
 
@@ -34,6 +34,11 @@ class FirstOrder:
                 f"{self.decay} and max_steps {self.max_steps}, expected >= 4, > 0, in [0, 1) and >= 0"
             )
 
+    @property
+    def min_steps(self) -> int:
+        """None: a good start is grasped at once."""
+        return 0
+
     def begin(self) -> FirstOrderOptimiser:
         """An ascent whose running mean is empty."""
         return FirstOrderOptimiser(self)
@@ -48,11 +53,11 @@ class FirstOrderOptimiser:
         self._mean_square: Tensor | float = 0.0
         self._taken = 0
 
-    def propose(self, score_steps: ScoreSteps, score_here: float, rng: np.random.Generator) -> Proposal:
+    def propose(self, objective: StepObjective, score_here: float, rng: np.random.Generator) -> Proposal:
         """Estimate the gradient from samples around the current pose and step along it."""
         half_width = self._settings.range.scaled(score_here)
         samples = uniform_steps(self._settings.samples, half_width, rng)  # (N, 3)
-        scores = score_steps(samples)
+        scores = objective(samples)
         gradient = regress_gradient(samples / half_width, scores)
         step = half_width * self._rmsprop(gradient)
         return Proposal(step=step, samples=samples, scores=scores, gradient=gradient)
@@ -65,15 +70,3 @@ class FirstOrderOptimiser:
         mean_square = self._mean_square / (1 - keep**self._taken)
         update = self._settings.learning_rate * gradient / (mean_square.sqrt() + 1e-8)
         return update.clamp(-1, 1)
-
-
-def regress_gradient(steps: Tensor, scores: Tensor) -> Tensor:
-    """Slope of the least-squares plane through the scores: arg min_g sum_i (S_0 + g^T p_i - S_i)^2, shape (3,).
-
-    The paper's formula has no intercept, which is right only for scores relative to S_0; fitting S_0 along costs
-    nothing and does not trust a single prediction.
-    """
-    # Double precision: the last bit of a single-precision solution depends on where LAPACK's workspace happens to lie.
-    design = torch.cat([steps, steps.new_ones(len(steps), 1)], dim=1).double()  # (N, 4)
-    solution: Tensor = torch.linalg.lstsq(design, scores[:, None].double()).solution
-    return solution[:3, 0].to(steps.dtype)

@@ -16,6 +16,7 @@ from handsight.servoing.homography import InputGrid
 from handsight.servoing.loop import ServoSettings, ServoTrace, servo
 from handsight.servoing.methods.cem import Cem
 from handsight.servoing.methods.first_order import FirstOrder
+from handsight.servoing.methods.global_first import GlobalFirst, GlobalSearch
 from handsight.servoing.optimiser import ServoMethod
 from handsight.servoing.planar import PlanarPose
 
@@ -79,6 +80,44 @@ def test_an_unreachable_step_ends_the_run_at_the_best_pose() -> None:
     assert trace.grasp_pose == START
 
 
+def test_where_the_workspace_ends_a_part_of_the_step_is_taken() -> None:
+    world = DrawnTable(START)
+    asked: list[PlanarPose] = []
+
+    def move(pose: PlanarPose) -> bool:
+        asked.append(pose)
+        return len(asked) > 1 and world.move(pose)
+
+    scorer = FunctionScorer(brightness_in_the_middle, GRID)
+    method = ServoMethod(name="test", label="test", settings=Cem())
+    trace = servo(world.look, move, scorer, method, settings=ServoSettings(), rng=np.random.default_rng(0))
+    assert world.visited[0] == asked[1] == trace.steps[1].pose
+    assert asked[1].x_m - START.x_m == pytest.approx(0.5 * (asked[0].x_m - START.x_m))
+    assert asked[1].angle_rad - START.angle_rad == pytest.approx(0.5 * (asked[0].angle_rad - START.angle_rad))
+
+
+def test_a_method_may_move_before_anything_is_grasped() -> None:
+    """The global first step leaves a good start for the best pose there is."""
+    world = DrawnTable(PlanarPose(x_m=DISC_XY_M[0], y_m=DISC_XY_M[1] + 0.008, angle_rad=0.0))
+    scorer = FunctionScorer(brightness_in_the_middle, GRID)
+    method = ServoMethod(name="test", label="test", settings=GlobalFirst(search=GlobalSearch(angles=2)))
+    trace = servo(world.look, world.move, scorer, method, settings=ServoSettings(), rng=np.random.default_rng(0))
+    assert trace.steps[0].score >= 0.95
+    assert trace.moves == 1
+    assert trace.grasp_score > trace.steps[0].score
+
+
+def test_a_step_keeps_what_it_predicted_and_what_it_took() -> None:
+    world = DrawnTable(START)
+    trace = run(world, Cem())
+    first, second = trace.steps[:2]
+    assert first.predicted_inputs is not None
+    seen = (first.predicted_inputs - second.inputs).abs()[:, 8:24, 8:24]
+    assert float(seen.max()) < 0.02, "flat things look as the homography says"
+    assert trace.steps[-1].predicted_inputs is None
+    assert all(step.look_s >= 0 and step.compute_s > 0 for step in trace.steps)
+
+
 @pytest.mark.parametrize("threshold", [0.0, -1.0, 1.5])
 def test_impossible_thresholds_are_refused(threshold: float) -> None:
     with pytest.raises(ServoSettingsError, match="expected in"):
@@ -95,7 +134,7 @@ def test_a_score_that_is_none_ends_the_run_before_any_grasp(method: Cem | FirstO
         scores = 0.5 * brightness_in_the_middle(inputs)
         return scores if len(scores) == 1 else torch.cat([scores[:-1], scores.new_tensor([bad])])
 
-    with pytest.raises(ScoreError, match=r"1 of 64 scores of a network are not in \[0, 1\]"):
+    with pytest.raises(ScoreError, match=rf"1 of {method.samples} scores of a network are not in \[0, 1\]"):
         run(world, method, one_bad)
     with pytest.raises(ScoreError, match="1 of 1 score of"):
         run(world, method, lambda inputs: torch.full((len(inputs),), bad))

@@ -169,8 +169,11 @@ def _watch(pid: int, listener: int | None, began: float, blow: _Blow) -> Fate:
 
 
 def _reap(group: int) -> None:
-    """Take note of the end of orphans. Else they are the init process's, and may lie there unnoticed for a minute, in
-    which the kernel counts them as going on."""
+    """Take note of the end of orphans.
+
+    Else they are the init process's and may lie there unnoticed for a minute, in which the kernel counts them as going
+    on.
+    """
     try:
         while os.waitpid(-group, os.WNOHANG)[0]:
             pass

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from tests.support.bumps import BEST_STEPS, WIDTH, bump
 
 from handsight.servoing.errors import ServoSettingsError
-from handsight.servoing.methods.first_order import FirstOrder, regress_gradient
+from handsight.servoing.methods.first_order import FirstOrder
+from handsight.servoing.regression import regress_gradient
 
 
 @given(
