@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional
 
 from handsight.servoing.camera import HandCamera
 from handsight.servoing.view import View
+
+_LARGEST_SHORT = 16
+"""Largest cells over which bytes add up to 16 bits."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -31,23 +36,52 @@ class PreparedView:
     @classmethod
     def from_view(cls, view: View, *, pixels_per_cell: int) -> PreparedView:
         """Filter and decimate by an integer factor; 1 keeps the picture as it is."""
-        plane_m = view.plane_m
-        valid = torch.from_numpy(view.valid).to(torch.float32)  # (H, W)
-        below_plane_m = torch.from_numpy(np.where(view.valid, view.depth_m - plane_m, 0.0).astype(np.float32))
-        rgb = torch.from_numpy(view.rgb).permute(2, 0, 1).to(torch.float32) / 255  # (3, H, W)
-        stack = torch.cat([rgb, below_plane_m[None], valid[None]])  # (5, H, W)
-        if pixels_per_cell > 1:
-            stack = _decimate(stack, pixels_per_cell)
-        # Normalised convolution: invalid pixels take part with weight zero and are filled from their neighbours.
-        depth = torch.where(stack[4] > 0, stack[3] / stack[4].clamp_min(1e-6), 0.0)
-        channels = torch.cat([stack[:3], depth[None]])
-        return cls(channels=channels, pixels_per_cell=pixels_per_cell, plane_m=plane_m, camera=view.camera)
+        plane_m, factor = view.plane_m, pixels_per_cell
+        valid = view.valid
+        whole = bool(valid.all())
+        # Colours are added up as the integers that they are, and the plane is taken off cells, not off pixels: the
+        # pictures are read once and never copied as floats.
+        colours = _cell_sums(view.rgb, factor, np.uint16 if factor <= _LARGEST_SHORT else np.uint32)  # (H', W', 3)
+        depths_m = _cell_sums(view.depth_m if whole else np.where(valid, view.depth_m, 0), factor, np.float32)
+        counts = np.full_like(depths_m, factor**2) if whole else _cell_sums(valid, factor, np.float32)
+        parts = [
+            torch.from_numpy(colours.astype(np.float32)).permute(2, 0, 1) / 255,
+            torch.from_numpy(depths_m - np.float32(plane_m) * counts)[None],
+        ]
+        if not whole:
+            parts.append(torch.from_numpy(counts)[None])
+        channels = torch.cat(parts) / factor**2  # (4 or 5, H', W')
+        if factor > 1:
+            channels = _smoothed(channels)
+        if not whole:
+            # Normalised convolution: invalid pixels take part with weight zero and are filled from their neighbours.
+            depth_m, weight = channels[3], channels[4]
+            depth_m = torch.where(weight > 0, depth_m / weight.clamp_min(1e-6), 0.0)
+            channels = torch.cat([channels[:3], depth_m[None]])
+        return cls(channels=channels, pixels_per_cell=factor, plane_m=plane_m, camera=view.camera)
 
 
-def _decimate(stack: Tensor, factor: int) -> Tensor:
-    """Mean over factor x factor cells, then a [1 2 1] smoothing; edges are replicated. (C, H, W) -> (C, H', W')."""
-    _, height, width = stack.shape
-    padded = functional.pad(stack[None], (0, -width % factor, 0, -height % factor), mode="replicate")
-    cells = functional.pad(functional.avg_pool2d(padded, factor), (1, 1, 1, 1), mode="replicate")[0]
-    rows = 0.25 * cells[:, :-2] + 0.5 * cells[:, 1:-1] + 0.25 * cells[:, 2:]
+def _cell_sums(picture: NDArray[Any], factor: int, dtype: type[np.number[Any]]) -> NDArray[Any]:
+    """Sums over factor x factor cells; where the last ones reach over the edge, it is replicated.
+
+    (H, W, ...) -> (H', W', ...).
+    """
+    return _sums_along_rows(_sums_along_rows(picture, factor, dtype).swapaxes(0, 1), factor, dtype).swapaxes(0, 1)
+
+
+def _sums_along_rows(picture: NDArray[Any], factor: int, dtype: type[np.number[Any]]) -> NDArray[Any]:
+    """Sums of ``factor`` rows each. (H, ...) -> (H', ...)."""
+    sums = picture[::factor].astype(dtype)
+    for offset in range(1, factor):
+        rows = picture[offset::factor]
+        sums[: len(rows)] += rows
+        if len(rows) < len(sums):
+            sums[-1] += picture[-1]
+    return sums
+
+
+def _smoothed(stack: Tensor) -> Tensor:
+    """[1 2 1] along both axes, edges replicated: after the mean over cells enough not to alias. (C, H, W)."""
+    padded = functional.pad(stack[None], (1, 1, 1, 1), mode="replicate")[0]
+    rows = 0.25 * padded[:, :-2] + 0.5 * padded[:, 1:-1] + 0.25 * padded[:, 2:]
     return 0.25 * rows[:, :, :-2] + 0.5 * rows[:, :, 1:-1] + 0.25 * rows[:, :, 2:]

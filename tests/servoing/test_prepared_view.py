@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import torch
+from torch.nn import functional
 
 from handsight.collection.sim.config import D435_ON_GRIPPER
 from handsight.servoing.homography import InputGrid, predict_inputs
@@ -44,3 +45,29 @@ def test_invalid_depth_is_filled_from_its_neighbours() -> None:
     assert view.plane_m == pytest.approx(0.5)
     prepared = PreparedView.from_view(view, pixels_per_cell=3)
     torch.testing.assert_close(prepared.channels[3], torch.zeros_like(prepared.channels[3]), atol=1e-6, rtol=0)
+
+
+@pytest.mark.parametrize("factor", [1, 2, 3, 7, 20])
+@pytest.mark.parametrize("whole", [True, False])
+def test_it_is_the_smoothed_mean_over_cells(factor: int, *, whole: bool) -> None:
+    """Against the same filter written as convolutions in float64."""
+    k = D435_ON_GRIPPER.intrinsics
+    rng = np.random.default_rng(0)
+    rgb = rng.integers(0, 256, (k.height, k.width, 3), dtype=np.uint8)
+    depth_m = rng.uniform(0.4, 0.5, (k.height, k.width)).astype(np.float32)
+    if not whole:
+        depth_m[rng.random(depth_m.shape) < 0.3] = 0.0
+    view = View(rgb=rgb, depth_m=depth_m, camera=D435_ON_GRIPPER)
+    below_m = np.where(view.valid, depth_m - view.plane_m, 0.0)
+    stack = torch.from_numpy(np.stack([*np.moveaxis(rgb / 255, -1, 0), below_m, view.valid]))[None]
+    stack = functional.pad(stack, (0, -k.width % factor, 0, -k.height % factor), mode="replicate")
+    stack = functional.avg_pool2d(stack, factor)
+    if factor > 1:
+        one_two_one = torch.tensor([0.25, 0.5, 0.25], dtype=torch.float64)
+        kernel = (one_two_one[:, None] * one_two_one).expand(5, 1, 3, 3)
+        stack = functional.conv2d(functional.pad(stack, (1, 1, 1, 1), mode="replicate"), kernel, groups=5)
+    stack = stack[0]
+    depth = torch.where(stack[4] > 0, stack[3] / stack[4].clamp_min(1e-6), 0.0)
+    expected = torch.cat([stack[:3], depth[None]]).float()
+    found = PreparedView.from_view(view, pixels_per_cell=factor).channels
+    torch.testing.assert_close(found, expected, rtol=0, atol=2e-6)
