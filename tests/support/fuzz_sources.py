@@ -26,6 +26,7 @@ from handsight.training.run import DataOrigin, save_run
 from handsight.training.trainer import TrainSettings
 
 CACHED_GRID = InputGrid(crop_px=8, size_px=8)
+RUN_NETWORK = GqnConfig(widths=(16, 32), kernels=(5, 3), size_px=16)
 
 
 def command(*words: str) -> int:
@@ -103,10 +104,10 @@ def make_run(folder: Path) -> None:
     torch.manual_seed(0)
     save_run(
         folder / "run",
-        GraspQualityNetwork(GqnConfig(size_px=16)),
+        GraspQualityNetwork(RUN_NETWORK),
         origin=DataOrigin(dataset="grasps", ref="v1", snapshot="A", digest="d" * 64, view="overhead", attempts=8),
         grid=InputGrid(crop_px=100, size_px=16),
-        settings=TrainSettings(network=GqnConfig(size_px=16)),
+        settings=TrainSettings(network=RUN_NETWORK),
         history=[],
     )
 
