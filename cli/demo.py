@@ -46,6 +46,9 @@ from handsight.training.trainer import TrainSettings
 from handsight.viz.figures.results import results_figure
 from handsight.viz.recordings.heatmaps import write_heatmaps
 
+SHOWN_METHODS = ("random", "cem-1", "first-order", "global")
+"""The baseline, the paper's two best, and the one that goes beyond them."""
+
 
 @dataclass(frozen=True, slots=True)
 class DemoPaths:
@@ -110,7 +113,7 @@ def demo(
     Takes a few minutes on two cores. Interrupt it and run it again: it goes on where it was.
     """
     collecting = CollectSettings(attempts=attempts, seed=seed, workers=workers)
-    evaluating = EvaluationSettings(methods=tuple(METHODS), trials=trials, workers=workers)
+    evaluating = EvaluationSettings(methods=SHOWN_METHODS, trials=trials, workers=workers)
     paths = DemoPaths(out)
     check_out_folder(out)
     tell = errors if as_json else console
@@ -154,7 +157,8 @@ def _evaluate(paths: DemoPaths, settings: EvaluationSettings, tell: Output) -> d
     _headline(f"3  Servo on objects it never saw, {counted(settings.trials, 'trial')} of each method", tell)
     weights = load_run(paths.run).weights_sha256
     results = _read_results(paths.results)
-    key = {"weights_sha256": weights, "trials_each": settings.trials, "seed": settings.seed}
+    shown = list(settings.methods)
+    key = {"weights_sha256": weights, "trials_each": settings.trials, "seed": settings.seed, "shown_methods": shown}
     if any(results.get(name) != value for name, value in key.items()):
         results = {**evaluate_model(paths.run, NOVEL_OBJECTS, settings), **key}
         with atomic_file(paths.results) as unfinished:

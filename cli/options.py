@@ -27,7 +27,7 @@ EXPORT_FORMAT_NAMES = ("hdf5", "zarr", "lerobot")
 FORMAT_NAMES = (*EXPORT_FORMAT_NAMES, "images")
 VARIED_KINDS = ("table", "light", "colour", "friction", "depth-noise", "all")
 """Likewise of other rooms, with a test that they agree."""
-DEFAULT_METHOD = "cem-1"
+DEFAULT_METHOD = "global"
 """How a network servoes unless another method is named."""
 DEFAULT_THRESHOLD = 0.95
 """Predicted success at which is grasped; ``ServoSettings`` has it too, and a test that they agree."""

@@ -38,7 +38,7 @@ def test_the_demo_leaves_what_it_promises(demo_folder: Path) -> None:
     assert {"grasps", "run", "results.json", "results.png", "heatmaps.rrd", "servo_trace.rrd"} <= names
     results = json.loads((demo_folder / "results.json").read_text())
     rows = {row["method"]: row for row in results["rows"]}
-    assert set(rows) == {"random", "cem-1", "first-order"}
+    assert set(rows) == {"random", "cem-1", "first-order", "global"}
     for row in rows.values():
         assert {"method", "objects", "trials", "successes", "rate", "ci95", "step_ms", "mean_steps"} <= set(row)
         assert row["trials"] == 2
