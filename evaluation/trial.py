@@ -8,6 +8,7 @@ An arm that is then blocked, and cannot be lowered or lifted, has failed for tha
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -49,6 +50,18 @@ class Trial:
     truth_held: bool | None
     aborted: bool = False
     """Whether nothing was grasped, for a reason that is not the method's; such a trial counts in no rate."""
+    score: float | None = None
+    """Predicted success at the pose that was grasped; None for random grasps."""
+    contact_force_n: float | None = None
+    """Upward force that ended the descent [N]; 0 where it ended at table height, None where it did not end."""
+    contact_height_m: float | None = None
+    """Height of the fingertips above the table where the descent ended [m]."""
+    closed_m: float | None = None
+    """Opening between the jaws once they were closed [m]; None where that was not reached, as for the next two."""
+    lifted_m: float | None = None
+    """The same after the lift [m]."""
+    final_m: float | None = None
+    """The same after the shakes, which is what the label is told from [m]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -126,7 +139,22 @@ def _grasped(progress: AttemptProgress, number: int, method: str, trace: ServoTr
         moves=trace.moves if trace else 0,
         compute_s=float(np.mean([step.compute_s for step in trace.steps])) if trace else float("nan"),
         truth_held=None if failure else progress.station.held_in_truth(),
+        aborted=False,
+        score=trace.grasp_score if trace else None,
+        **_readings(progress),
     )
+
+
+def _readings(progress: AttemptProgress) -> dict[str, float | None]:
+    """What was measured in the phases of the grasp; None where one was not reached."""
+    height_m = float(progress.pose_base_tool_grasp[2, 3])
+    landed = math.isfinite(height_m)
+    values = {"closed_m": progress.closed_m, "lifted_m": progress.lifted_m, "final_m": progress.final_m}
+    return {
+        "contact_force_n": float(progress.contact_force_n) if landed else None,
+        "contact_height_m": height_m if landed else None,
+        **{name: float(value) if math.isfinite(value) else None for name, value in values.items()},
+    }
 
 
 def _recording(progress: AttemptProgress, trial: Trial, trace: ServoTrace | None) -> TrialRecording | None:

@@ -96,3 +96,19 @@ def test_a_servo_step_out_of_reach_is_not_taken_and_the_trial_counts() -> None:
 def test_a_trial_in_which_all_goes_well_counts() -> None:
     trial = run(ScriptedStation(), score=1.0)
     assert (trial.success, trial.aborted, trial.failure, trial.moves) == (True, False, "", 0)
+
+
+def test_a_trial_keeps_what_its_cause_is_told_from() -> None:
+    station = ScriptedStation(contact_force_n=17.0, contact_height_m=0.06, widths_m=(0.03, 0.02, 0.0), truth_held=False)
+    trial = run(station, score=1.0)
+    assert not trial.success
+    assert (trial.score, trial.contact_force_n) == (1.0, 17.0)
+    assert trial.contact_height_m == pytest.approx(0.06)
+    assert (trial.closed_m, trial.lifted_m, trial.final_m) == (0.03, 0.02, 0.0)
+
+
+def test_what_was_not_reached_was_not_measured() -> None:
+    blocked = run(ScriptedStation(faults={"lift": 0}, contact_force_n=17.0), method="random")
+    assert (blocked.contact_force_n, blocked.closed_m, blocked.lifted_m, blocked.score) == (17.0, 0.03, None, None)
+    stopped = run(ScriptedStation(faults={"descend": 0}), method="random")
+    assert (stopped.contact_force_n, stopped.contact_height_m, stopped.closed_m) == (None, None, None)
