@@ -6,6 +6,7 @@ import json
 import shlex
 import shutil
 import sys
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -36,6 +37,7 @@ from handsight.datasets.errors import counted
 from handsight.datasets.inputs.viewpoint import DEFAULT_VIEWPOINT
 from handsight.datasets.reading.reader import GraspDataset
 from handsight.datasets.store.repository import GraspRepository
+from handsight.evaluation.errors import TrialAbortedError
 from handsight.evaluation.evaluate import EvaluationSettings, TrialContextFactory, record_trial
 from handsight.evaluation.results import ResultRow
 from handsight.servoing.methods.registry import METHODS
@@ -87,7 +89,7 @@ class DemoPaths:
         return self.out / "servo_trace.rrd"
 
     def files(self) -> dict[str, Path]:
-        """What there is beside the dataset, by what it is; a trial that failed early leaves no recording."""
+        """What there is beside the dataset, by what it is; an aborted trial leaves no recording."""
         made = {
             "run": self.run,
             "results": self.results,
@@ -182,10 +184,11 @@ def _record(
     write_heatmaps(paths.heatmaps, heatmap_examples(dataset, latest_attempts(dataset, 8), paths.run))
     factory = TrialContextFactory(open_station=sim_station(NOVEL_OBJECTS), run=paths.run)
     number = _most_telling_trial(results["trials"])
-    recording = record_trial(factory, DEFAULT_METHOD, number, seed=settings.seed, servo=settings.servo)
-    if recording is not None:
-        write_trace(paths.trace, recording, paths.run)
-    results_figure(results["rows"], paths.figure)
+    with suppress(TrialAbortedError):  # The best trial is one only where all were; the results have said why.
+        recording = record_trial(factory, DEFAULT_METHOD, number, seed=settings.seed, servo=settings.servo)
+        if recording is not None:
+            write_trace(paths.trace, recording, paths.run)
+    results_figure([row for row in results["rows"] if row["trials"]], paths.figure)
 
 
 def _most_telling_trial(trials: list[dict[str, Any]]) -> int:

@@ -22,7 +22,7 @@ from handsight.cli.options import (
     TrialSeed,
     Workers,
 )
-from handsight.cli.output import console, print_json, progress_bar
+from handsight.cli.output import console, errors, print_json, progress_bar
 from handsight.cli.tables import Column, print_table
 from handsight.training.run_folder import check_finished_run
 
@@ -66,13 +66,16 @@ def evaluate_command(
         print_json(results)
     else:
         print_results(results["rows"])
+    if results["fault"] is not None:
+        errors.print(f"error: {results['fault']}")
+        raise typer.Exit(1)
 
 
 def evaluate_model(model: Path, objects: str, settings: EvaluationSettings) -> dict[str, Any]:
     """Run the trials behind a progress bar; returns what ``evaluate --json`` prints."""
     from handsight.cli.wiring.stations import sim_station
     from handsight.evaluation.evaluate import TrialContextFactory, evaluate
-    from handsight.evaluation.results import result_rows
+    from handsight.evaluation.results import result_rows, why_nothing_counts
     from handsight.servoing.methods.registry import METHODS
     from handsight.training.run import load_run
 
@@ -89,9 +92,17 @@ def evaluate_model(model: Path, objects: str, settings: EvaluationSettings) -> d
         "threshold": settings.servo.threshold,
         "methods": [METHODS[name].to_json() for name in settings.methods],
         "trials": [
-            {"number": t.number, "method": t.method, "success": t.success, "moves": t.moves, "failure": t.failure}
+            {
+                "number": t.number,
+                "method": t.method,
+                "success": t.success,
+                "moves": t.moves,
+                "failure": t.failure,
+                "aborted": t.aborted,
+            }
             for t in done
         ],
+        "fault": why_nothing_counts(done),
     }
 
 
@@ -102,8 +113,9 @@ def print_results(rows: Sequence[ResultRow]) -> None:
             row["method"],
             row["objects"],
             f"{row['successes']}/{row['trials']}",
-            f"{row['rate']:.1%}",
-            f"{row['ci95'][0]:.1%} - {row['ci95'][1]:.1%}",
+            f"{row['rate']:.1%}" if row["trials"] else "-",
+            f"{row['ci95'][0]:.1%} - {row['ci95'][1]:.1%}" if row["trials"] else "-",
+            str(row["aborted"]),
             "-" if row["mean_steps"] is None else f"{row['mean_steps']:.1f}",
             "-" if row["step_ms"] is None else f"{row['step_ms']:.1f}",
         )
@@ -111,12 +123,13 @@ def print_results(rows: Sequence[ResultRow]) -> None:
     ]
     columns = (
         "method",
-        Column(heading="objects", rank=3),
+        Column(heading="objects", rank=4),
         "grasped",
         "success",
         Column(heading="95 % interval", rank=1),
-        Column(heading="moves", rank=2),
-        Column(heading="ms/step", rank=4),
+        Column(heading="aborted", rank=2),
+        Column(heading="moves", rank=3),
+        Column(heading="ms/step", rank=5),
     )
     print_table(columns, cells)
     console.print()

@@ -65,7 +65,7 @@ def servo_command(
     factory = TrialContextFactory(open_station=simulated, run=model)
     recording = record_trial(factory, method, trial, seed=seed, servo=ServoSettings(threshold=threshold))
     if recording is None:
-        raise CommandError(f"trial {trial} of seed {seed} failed before servoing began: choose another trial")
+        raise CommandError(f"method is {method!r}, which does not servo, expected one that does")
     outside = servo_pictures(simulated.config, recording) if scene_camera else None
     write_trace(out, recording, model, outside)
     if as_json:

@@ -2,6 +2,7 @@
 
 EvaluationError
 ├── EvaluationSettingsError (ValueError)   settings out of range
+├── TrialAbortedError (RuntimeError)       a trial in which nothing was grasped, for no fault of the method
 └── LabelIssuesError (ValueError)          attempts whose labels cannot be reviewed
 """
 
@@ -12,6 +13,10 @@ class EvaluationError(Exception):
 
 class EvaluationSettingsError(EvaluationError, ValueError):
     """Settings out of range."""
+
+
+class TrialAbortedError(EvaluationError, RuntimeError):
+    """A trial in which nothing was grasped, for no fault of the method."""
 
 
 class LabelIssuesError(EvaluationError, ValueError):

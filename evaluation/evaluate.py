@@ -11,7 +11,7 @@ import torch
 
 from handsight.collection.collector import StationFactory
 from handsight.collection.station import Station
-from handsight.evaluation.errors import EvaluationSettingsError
+from handsight.evaluation.errors import EvaluationSettingsError, TrialAbortedError
 from handsight.evaluation.trial import Trial, TrialRecording, run_trial
 from handsight.jobs.ordered import map_ordered
 from handsight.servoing.loop import ServoSettings
@@ -95,7 +95,6 @@ def evaluate(
 
     Raises:
         WorkerDiedError: A worker process died.
-        ScoreError: A score of the network is not in [0, 1].
     """
     tasks = [(number, method) for number in range(settings.trials) for method in settings.methods]
     work = partial(_trial, seed=settings.seed, servo=settings.servo)
@@ -110,12 +109,18 @@ def evaluate(
 def record_trial(
     factory: TrialContextFactory, method: str, number: int, *, seed: int, servo: ServoSettings
 ) -> TrialRecording | None:
-    """Run one trial again in this process and keep everything seen; None when it failed before servoing."""
+    """Run one trial again in this process and keep everything seen; None for a method that does not servo.
+
+    Raises:
+        TrialAbortedError: Nothing was grasped; see :mod:`~handsight.evaluation.trial`.
+    """
     context = factory()
     try:
-        _, recording = run_trial(context.station, context.scorer, method, number, seed=seed, settings=servo)
+        trial, recording = run_trial(context.station, context.scorer, method, number, seed=seed, settings=servo)
     finally:
         context.close()
+    if trial.aborted:
+        raise TrialAbortedError(f"trial {number} of seed {seed} was aborted: {trial.failure}; choose another trial")
     return recording
 
 

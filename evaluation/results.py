@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, TypedDict
 
 import numpy as np
 from scipy import stats
+
+from handsight.datasets.errors import counted
 
 if TYPE_CHECKING:
     # A table takes no torch, which running a trial does.
@@ -19,8 +22,12 @@ class ResultRow(TypedDict):
     method: str
     objects: str
     trials: int
+    """Trials that count: those that were not aborted."""
+    aborted: int
+    """Trials in which nothing was grasped, for no fault of the method; in no other number of the row."""
     successes: int
     rate: float
+    """Successes of the trials that count; 0 where none does, with an interval from 0 to 1."""
     ci95: tuple[float, float]
     """Wilson's interval for the rate."""
     step_ms: float | None
@@ -43,13 +50,28 @@ def result_rows(trials: Iterable[Trial], *, objects: str, methods: Sequence[str]
     return [_row([trial for trial in everything if trial.method == name], name, objects) for name in methods]
 
 
-def _row(trials: list[Trial], method: str, objects: str) -> ResultRow:
+def why_nothing_counts(trials: Iterable[Trial]) -> str | None:
+    """What kept every trial from being counted, with the most frequent reason; None where one counts."""
+    everything = list(trials)
+    if not everything or not all(trial.aborted for trial in everything):
+        return None
+    (reason, often), *others = Counter(trial.failure for trial in everything).most_common()
+    more = f", {often} times" if others else ""
+    return (
+        f"every trial was aborted ({counted(len(everything), 'trial')}), expected at least one that counts: "
+        f"{reason}{more}; mend the station or the network, and evaluate again"
+    )
+
+
+def _row(everything: list[Trial], method: str, objects: str) -> ResultRow:
+    trials = [trial for trial in everything if not trial.aborted]
     successes = sum(trial.success for trial in trials)
     times_s = [trial.compute_s for trial in trials if np.isfinite(trial.compute_s)]
     return ResultRow(
         method=method,
         objects=objects,
         trials=len(trials),
+        aborted=len(everything) - len(trials),
         successes=successes,
         rate=successes / len(trials) if trials else 0.0,
         ci95=wilson_95(successes, len(trials)),

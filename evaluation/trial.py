@@ -1,7 +1,14 @@
-"""One evaluation trial: a fresh scene, a random pre-grasp pose, a servo method, the fixed grasp (section V-B.2)."""
+"""One evaluation trial: a fresh scene, a random pre-grasp pose, a servo method, the fixed grasp (section V-B.2).
+
+A trial is either counted or aborted, and the line between them is the descent. What goes wrong before it is the fault
+of the station, of its pictures or of a network that gives no scores: the method has chosen no grasp, so that there is
+nothing to count, and the arm stays at the pre-grasp height. From the descent on the method has chosen where to grasp.
+An arm that is then blocked, and cannot be lowered or lifted, has failed for that choice, and the trial counts.
+"""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +26,8 @@ from handsight.collection.policy import UniformPolicy
 from handsight.collection.servo_policy import servo_on_station
 from handsight.collection.station import Station
 from handsight.datasets.records import RgbdFrame, SceneObjects, StationSpec
+from handsight.datasets.views import station_view
+from handsight.servoing.errors import ImageError, ScoreError
 from handsight.servoing.loop import ServoSettings, ServoTrace
 from handsight.servoing.methods.registry import METHODS
 from handsight.servoing.scorer import GraspScorer
@@ -33,12 +42,26 @@ class Trial:
     success: bool
     """The label: gripper not fully closed after the lift. False when a phase failed."""
     failure: str
-    """Empty, or the phase that failed and why."""
+    """Empty, or what went wrong and why."""
     moves: int
     """Servo moves before the grasp; 0 for random grasps."""
     compute_s: float
     """Mean time per servo step from picture to decision, without camera and robot [s]; NaN for random grasps."""
     truth_held: bool | None
+    aborted: bool = False
+    """Whether nothing was grasped, for a reason that is not the method's; such a trial counts in no rate."""
+    score: float | None = None
+    """Predicted success at the pose that was grasped; None for random grasps."""
+    contact_force_n: float | None = None
+    """Upward force that ended the descent [N]; 0 where it ended at table height, None where it did not end."""
+    contact_height_m: float | None = None
+    """Height of the fingertips above the table where the descent ended [m]."""
+    closed_m: float | None = None
+    """Opening between the jaws once they were closed [m]; None where that was not reached, as for the next two."""
+    lifted_m: float | None = None
+    """The same after the lift [m]."""
+    final_m: float | None = None
+    """The same after the shakes, which is what the label is told from [m]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,32 +87,74 @@ def run_trial(
     """Run trial ``number``; trials of equal seed and number begin alike, whatever the method.
 
     Returns:
-        The result, and what was seen if there was servoing.
-
-    Raises:
-        ScoreError: A score of the network is not in [0, 1]. That is no failure of the trial: nothing is grasped.
+        The result, and what was seen if there was servoing up to a grasp. A trial is aborted where the scene does not
+        settle, the starting pose cannot be reached, the camera gives no picture or one without valid depth, or the
+        network gives scores that are not one number in [0, 1] for each input.
     """
     progress = AttemptProgress(station=station)
     streams = AttemptStreams.from_seed(attempt_seed(seed, number))
     trace: ServoTrace | None = None
-    failure = ""
     try:
         begin_attempt(progress, UniformPolicy(), streams)
+        _check_depth(progress)
         if scorer is not None and METHODS[method].settings is not None:
             trace = servo_on_station(station, scorer, METHODS[method], settings=settings, rng=streams.servo)
+    except (PhaseError, ImageError, ScoreError) as error:
+        return _aborted(number, method, error), None
+    trial = _grasped(progress, number, method, trace)
+    return trial, _recording(progress, trial, trace)
+
+
+def _check_depth(progress: AttemptProgress) -> None:
+    """Refuse an overhead picture without depth, for methods that do not look at it too: all must begin alike."""
+    if progress.overhead is not None:
+        _ = station_view(progress.overhead, progress.station.spec).plane_m
+
+
+def _aborted(number: int, method: str, error: Exception) -> Trial:
+    return Trial(
+        number=number,
+        method=method,
+        success=False,
+        failure=str(error),
+        moves=0,
+        compute_s=float("nan"),
+        truth_held=None,
+        aborted=True,
+    )
+
+
+def _grasped(progress: AttemptProgress, number: int, method: str, trace: ServoTrace | None) -> Trial:
+    """Execute the grasp from wherever the gripper stands; whatever comes of it counts."""
+    failure = ""
+    try:
         execute_grasp(progress)
     except PhaseError as error:
         failure = str(error)
-    trial = Trial(
+    return Trial(
         number=number,
         method=method,
-        success=not failure and is_held(progress.final_m, station.spec.closed_width_m),
+        success=not failure and is_held(progress.final_m, progress.station.spec.closed_width_m),
         failure=failure,
         moves=trace.moves if trace else 0,
         compute_s=float(np.mean([step.compute_s for step in trace.steps])) if trace else float("nan"),
-        truth_held=None if failure else station.held_in_truth(),
+        truth_held=None if failure else progress.station.held_in_truth(),
+        aborted=False,
+        score=trace.grasp_score if trace else None,
+        **_readings(progress),
     )
-    return trial, _recording(progress, trial, trace)
+
+
+def _readings(progress: AttemptProgress) -> dict[str, float | None]:
+    """What was measured in the phases of the grasp; None where one was not reached."""
+    height_m = float(progress.pose_base_tool_grasp[2, 3])
+    landed = math.isfinite(height_m)
+    values = {"closed_m": progress.closed_m, "lifted_m": progress.lifted_m, "final_m": progress.final_m}
+    return {
+        "contact_force_n": float(progress.contact_force_n) if landed else None,
+        "contact_height_m": height_m if landed else None,
+        **{name: float(value) if math.isfinite(value) else None for name, value in values.items()},
+    }
 
 
 def _recording(progress: AttemptProgress, trial: Trial, trace: ServoTrace | None) -> TrialRecording | None:

@@ -11,6 +11,7 @@ from tests.support.scorers import FunctionScorer
 
 from handsight.collection.sim.config import SimConfig
 from handsight.collection.sim.station import SimStation, SimStationFactory
+from handsight.evaluation.errors import TrialAbortedError
 from handsight.evaluation.evaluate import EvaluationSettings, TrialContextFactory, evaluate, record_trial
 from handsight.evaluation.trial import Trial, run_trial
 from handsight.servoing.homography import InputGrid
@@ -71,6 +72,12 @@ def test_a_confident_network_grasps_at_once() -> None:
     assert recording.trace.confident
     assert (trial.moves, trial.success) == (0, blind.success)
     assert trial.truth_held == blind.truth_held
+
+
+def test_a_trial_to_record_that_is_aborted_says_why(factory: TrialContextFactory) -> None:
+    hasty = SimStationFactory(config=SimConfig(objects="blocks-test", settle_limit_s=0.02))
+    with pytest.raises(TrialAbortedError, match="trial 0 of seed 4 was aborted: settle: objects still moved"):
+        record_trial(replace(factory, open_station=hasty), "cem-1", 0, seed=4, servo=ServoSettings())
 
 
 def test_a_run_that_is_replaced_between_trials_is_noticed(factory: TrialContextFactory) -> None:

@@ -4,13 +4,22 @@ import pytest
 
 from handsight.evaluation.errors import EvaluationSettingsError
 from handsight.evaluation.evaluate import EvaluationSettings
-from handsight.evaluation.results import result_rows, wilson_95
+from handsight.evaluation.results import result_rows, why_nothing_counts, wilson_95
 from handsight.evaluation.trial import Trial
 
 
-def trial(method: str, success: bool, moves: int = 0, compute_s: float = float("nan")) -> Trial:
+def trial(
+    method: str, success: bool, moves: int = 0, compute_s: float = float("nan"), *, abort: str | None = None
+) -> Trial:
     return Trial(
-        number=0, method=method, success=success, failure="", moves=moves, compute_s=compute_s, truth_held=success
+        number=0,
+        method=method,
+        success=success,
+        failure=abort or "",
+        moves=moves,
+        compute_s=compute_s,
+        truth_held=success,
+        aborted=abort is not None,
     )
 
 
@@ -38,6 +47,22 @@ def test_rows_summarise_each_method() -> None:
     assert (cem["successes"], cem["mean_steps"]) == (2, 3.0)
     assert cem["step_ms"] == pytest.approx(20.0)
     assert cem["ci95"] == wilson_95(2, 2)
+
+
+def test_aborted_trials_are_in_no_rate_and_no_mean() -> None:
+    trials = [trial("cem-1", True, moves=4, compute_s=0.01), trial("cem-1", False, abort="look: no picture")]
+    (row,) = result_rows(trials, objects="blocks-test", methods=["cem-1"])
+    assert (row["trials"], row["aborted"], row["successes"], row["rate"]) == (1, 1, 1, 1.0)
+    assert row["mean_steps"] == 4
+    assert row["ci95"] == wilson_95(1, 1)
+
+
+def test_nothing_counts_only_where_every_trial_was_aborted() -> None:
+    lost = [trial("cem-1", False, abort=reason) for reason in ("reach: far", "look: lost", "look: lost")]
+    assert why_nothing_counts([*lost, trial("cem-1", False)]) is None
+    assert why_nothing_counts([]) is None
+    assert "3 trials" in (said := why_nothing_counts(lost) or "")
+    assert "look: lost, 2 times" in said
 
 
 def test_bad_settings_report_every_fault() -> None:

@@ -19,6 +19,7 @@ def make_row(method: str, successes: int, trials: int, objects: str = "blocks-te
         method=method,
         objects=objects,
         trials=trials,
+        aborted=0,
         successes=successes,
         rate=successes / trials,
         ci95=wilson_95(successes, trials),
