@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from handsight.collection.errors import StationSettingsError
+from handsight.collection.sim.grippers import DEFAULT_GRIPPER, GRIPPERS
 from handsight.collection.sim.renderer import RENDERERS, TINY
 from handsight.collection.station import Workspace
 from handsight.datasets.errors import counted
@@ -31,6 +32,8 @@ RANDOMIZED = ("table", "light", "colour", "friction", "depth-noise")
 DROP_SPACING_M = 0.12
 """Objects are dropped at least this far apart, centre to centre."""
 DROP_LAYERS = 4
+TOUCH_MARGIN_M = 0.008
+"""The descent is slow from so far above the first touch on."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,7 +50,11 @@ class SimConfig:
     table_height_m: float = 0.005
     """Where the fingertips stop when nothing touched them: just above the table, as a rig must."""
     contact_force_n: float = 10.0
-    """Upward force on the gripper that counts as contact and ends the descent."""
+    """Force of everything that touches arm and hand that counts as contact and ends the descent."""
+    touch_speed_m_s: float = 0.1
+    """Speed of the descent from ``TOUCH_MARGIN_M`` before the first touch on."""
+    yield_force_n: float = 15.0
+    """What the slide of the hand resists with during the descent, beside its weight of 9 N."""
     shakes: int = 0
     """Shakes after the lift. Section III-B has three, the simulated experiments of V-B none."""
     workspace: Workspace = field(
@@ -55,8 +62,9 @@ class SimConfig:
     )
     camera: HandCamera = D435_ON_GRIPPER
     depth_scale_m: float = 0.001
-    gripper_stroke_m: float = 0.085
-    closed_width_m: float = 0.002
+    gripper: str = DEFAULT_GRIPPER
+    """One of ``grippers.GRIPPERS``; sets the stroke."""
+    closed_width_m: float = 0.001
     """Openings up to this count as fully closed: object thickness that the jaws cannot resolve."""
     grip_force_n: float = 40.0
     finger_friction: float = 1.8
@@ -86,7 +94,9 @@ class SimConfig:
                 f"heights are table {self.table_height_m}, lift {self.lift_height_m}, pre-grasp "
                 f"{self.pregrasp_height_m}, overhead {self.overhead_height_m} m, expected ascending"
             )
-        if not 0 < self.closed_width_m < self.gripper_stroke_m:
+        if self.gripper not in GRIPPERS:
+            faults.append(f"gripper is {self.gripper!r}, expected one of: {', '.join(GRIPPERS)}")
+        elif not 0 < self.closed_width_m < self.gripper_stroke_m:
             faults.append(f"closed_width_m is {self.closed_width_m}, expected between 0 and {self.gripper_stroke_m}")
         if not 0 <= self.solver_residual < 1:
             faults.append(f"solver_residual is {self.solver_residual}, expected 0 to 1")
@@ -104,6 +114,11 @@ class SimConfig:
         faults += self._renderer_faults()
         if faults:
             raise StationSettingsError("; ".join(faults))
+
+    @property
+    def gripper_stroke_m(self) -> float:
+        """Opening of the gripper's fully open jaws [m]."""
+        return GRIPPERS[self.gripper].stroke_m
 
     def to_json(self) -> dict[str, Any]:
         """The settings as JSON values, as every session records them."""

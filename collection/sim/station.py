@@ -6,6 +6,7 @@ worker did before: this is what makes attempts re-simulable bit for bit. Reloadi
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -17,7 +18,9 @@ from handsight.collection.errors import ObjectSetError, PhaseAbortedError
 from handsight.collection.sim.arm import Arm
 from handsight.collection.sim.arm_model import temporary_arm_urdf
 from handsight.collection.sim.camera import DAYLIGHT, render
-from handsight.collection.sim.config import SimConfig
+from handsight.collection.sim.clearance import first_touch_m
+from handsight.collection.sim.config import TOUCH_MARGIN_M, SimConfig
+from handsight.collection.sim.grippers import gripper_named
 from handsight.collection.sim.objects.catalogue import load_object_set
 from handsight.collection.sim.objects.model import ObjectModel
 from handsight.collection.sim.randomization import Randomization, condition_names
@@ -33,6 +36,8 @@ CLOSE_SPEED_M_S = 0.1
 CLOSE_LIMIT_S = 1.0
 STALLED_SPEED_M_S = 0.002
 STALLED_TICKS = 6
+BRAKING_TICKS = 6
+"""The hand yields until the arm stands still; only then it is locked."""
 TABLE_SEED = 0
 SHAKE_AMPLITUDE_M = 0.03
 HELD_HEIGHT_M = 0.12
@@ -102,9 +107,10 @@ class SimStation:
         self._models = load_object_set(config.objects)
         check_object_count(self._models, config)
         self._spec = SimStationFactory(config=config).spec
+        self._gripper = gripper_named(config.gripper)
         self._renderer = renderer_named(config.renderer)
         self._clients = EmptyClients(self._renderer)
-        self._folder, self._arm_urdf = temporary_arm_urdf()
+        self._folder, self._arm_urdf = temporary_arm_urdf(self._gripper)
         self._wooden_table = self._table = wooden_table(np.random.default_rng(TABLE_SEED))
         self._ticks = 0
 
@@ -126,7 +132,7 @@ class SimStation:
     @property
     def width_m(self) -> float:
         """Opening between the jaws now [m]."""
-        return self._arm.width_m
+        return self._arm.hand.width_m
 
     def reset(self, rng: np.random.Generator) -> SceneObjects:
         """Drop new objects and let them come to rest; the arm stands at the overhead pose."""
@@ -184,7 +190,7 @@ class SimStation:
 
     def look(self) -> RgbdFrame:
         """Render the hand camera."""
-        pose_base_tool = self._arm.pose_base_tool
+        pose_base_tool = self._arm.hand.pose_base_tool
         noise = self._randomization.depth_noise
         rgb, depth = render(
             self._bullet,
@@ -204,49 +210,58 @@ class SimStation:
         self._arm.move_joints(pose.pose_base_tool(self._config.pregrasp_height_m), self._step, phase="reach")
 
     def descend(self) -> Descent:
-        """Straight down to table height or until contact."""
-        goal = self._arm.pose_base_tool
+        """Straight down to table height or until contact, slowly where contact is near, with a hand that yields."""
+        hand = self._arm.hand
+        start = hand.pose_base_tool
+        goal = start.copy()
         goal[2, 3] = self._config.table_height_m
+        touch_m = first_touch_m(self._bullet, self._gripper, start)
+        slow_from_m = start[2, 3] - touch_m - TOUCH_MARGIN_M if touch_m > goal[2, 3] else math.inf
         force_n = 0.0
 
         def touched() -> bool:
             nonlocal force_n
-            force_n = self._arm.upward_force_n
+            force_n = hand.contact_force_n
             return force_n >= self._config.contact_force_n
 
-        stopped = self._arm.move_line(goal, self._step, phase="descend", stop=touched)
-        return Descent(contact_force_n=force_n if stopped else 0.0, pose_base_tool=self._arm.pose_base_tool)
+        hand.give_way()
+        stopped = self._arm.move_line(goal, self._step, phase="descend", stop=touched, slow_from_m=slow_from_m)
+        if stopped:
+            for _ in range(BRAKING_TICKS):
+                self._step()
+        hand.lock()
+        return Descent(contact_force_n=force_n if stopped else 0.0, pose_base_tool=hand.pose_base_tool)
 
     def close_gripper(self) -> float:
         """Close until the jaws stall or meet."""
-        self._arm.drive_fingers(opening_m_s=-CLOSE_SPEED_M_S)
+        self._arm.hand.drive_fingers(opening_m_s=-CLOSE_SPEED_M_S)
         stalled = 0
         for _ in range(round(CLOSE_LIMIT_S * self._config.physics_hz)):
             self._step()
-            stalled = stalled + 1 if self._arm.finger_speed_m_s < STALLED_SPEED_M_S else 0
+            stalled = stalled + 1 if self._arm.hand.finger_speed_m_s < STALLED_SPEED_M_S else 0
             if stalled >= STALLED_TICKS:
                 break
-        return self._arm.width_m
+        return self._arm.hand.width_m
 
     def lift(self) -> float:
         """Raise the tool to the lift height."""
         # Objects that were pushed and rest again need no solver; those in touch with the jaws wake up at once.
         self._scene.sleep()
-        goal = self._arm.pose_base_tool
+        goal = self._arm.hand.pose_base_tool
         goal[2, 3] = self._config.lift_height_m
         self._arm.move_line(goal, self._step, phase="lift")
-        return self._arm.width_m
+        return self._arm.hand.width_m
 
     def shake(self) -> float:
         """Shake along the tool's y axis, across the grip, as often as configured."""
-        rest = self._arm.pose_base_tool
+        rest = self._arm.hand.pose_base_tool
         for _ in range(self._config.shakes):
             for offset_m in (SHAKE_AMPLITUDE_M, -SHAKE_AMPLITUDE_M):
                 goal = rest.copy()
                 goal[:3, 3] += offset_m * rest[:3, 1]
                 self._arm.move_line(goal, self._step, phase="shake")
         self._arm.move_line(rest, self._step, phase="shake")
-        return self._arm.width_m
+        return self._arm.hand.width_m
 
     def held_in_truth(self) -> bool:
         """Whether some object is above the table, gripper lifted."""
