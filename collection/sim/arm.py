@@ -108,8 +108,6 @@ class Arm:
     def _line(self, pose_base_tool: NDArray[np.float64], phase: str, slow_from_m: float) -> NDArray[np.float64]:
         """Joint angles at every tick of a straight-line move. Shape (K, 6)."""
         start = self.hand.pose_base_tool
-        # A hand pushed back stays so: the arm goes where the tips of an extended hand would be that much lower.
-        pushed_back_m = self.hand.retraction_m * start[:3, 2]
         offset_m = pose_base_tool[:3, 3] - start[:3, 3]
         length_m = float(np.linalg.norm(offset_m))
         knots = max(2, int(np.ceil(length_m / KNOT_SPACING_M)) + 1)
@@ -117,7 +115,7 @@ class Arm:
         joints_rad = [self._target_rad]
         for share in shares[1:]:
             knot = pose_base_tool.copy()
-            knot[:3, 3] = start[:3, 3] + share * offset_m + pushed_back_m
+            knot[:3, 3] = start[:3, 3] + share * offset_m
             joints_rad.append(joints_for(knot, joints_rad[-1], phase=phase))
         ticks_m = careful(
             length_m,

@@ -1,9 +1,10 @@
 """The hand on the wrist: a palm that yields along the tool axis, and two fingers that close.
 
 A position-controlled arm of 30 kg that meets an object exerts whatever its motors give, hundreds of newtons within a
-step. Here the hand hangs on the wrist by a slide whose motor is weak while the arm descends, so that what touches
-something feels the weight of the hand and that motor, and not the inertia of the arm: a stand-in for the compliance
-of a force-controlled robot. Otherwise the slide is locked.
+step. Here the hand hangs on the wrist by a slide with a weak motor, so that what it touches feels the weight of the
+hand and that motor, and not the inertia of the arm: a stand-in for the compliance of a force-controlled robot. The end
+of the slide's travel, not the motor, carries what the hand lifts. While the jaws close it also lets fingers ride up on
+a thin object that they would otherwise squeeze into the table.
 """
 
 from __future__ import annotations
@@ -17,15 +18,12 @@ from handsight.collection.sim.bullet import BulletClient, pybullet
 from handsight.collection.sim.config import SimConfig
 from handsight.collection.sim.grippers import FLANGE_TO_TIP_M, gripper_named
 
-LOCK_FORCE_N = 1000.0
-"""Force of the slide's motor that nothing in an attempt overcomes."""
-
 
 class Hand:
     """Palm and fingers of the arm in one PyBullet world."""
 
     def __init__(self, bullet: BulletClient, body: int, config: SimConfig) -> None:
-        """Set up the hand of the arm ``body``, jaws open and slide locked."""
+        """Set up the hand of the arm ``body``, jaws open and slide extended."""
         self._bullet = bullet
         self._body = body
         self._config = config
@@ -36,7 +34,7 @@ class Hand:
         self._fingers = [joints[name] for name in FINGER_JOINTS]
         self._slide: int = joints[HAND_JOINT]
         self._set_up_fingers([links[name] for name in GRIPPER_LINKS])
-        self.lock()
+        self.extend()
 
     def _set_up_fingers(self, links: list[int]) -> None:
         for link in links:
@@ -112,25 +110,14 @@ class Hand:
         return float(sum(contact[9] for contact in contacts if contact[2] != self._body))
 
     def extend(self) -> None:
-        """Put the slide where nothing pushes it, at once, and lock it."""
+        """Put the slide where nothing pushes it, at once."""
         self._bullet.resetJointState(self._body, self._slide, 0.0)
-        self.lock()
-
-    def lock(self) -> None:
-        """Hold the slide where it is."""
-        self._drive_slide(-self.retraction_m, LOCK_FORCE_N)
-
-    def give_way(self) -> None:
-        """Let whatever touches the hand push it back, against no more than the slide's weak motor."""
-        self._drive_slide(0.0, self._config.yield_force_n)
-
-    def _drive_slide(self, target_m: float, force_n: float) -> None:
         self._bullet.setJointMotorControl2(
             self._body,
             self._slide,
             pybullet.POSITION_CONTROL,
-            targetPosition=target_m,
-            force=force_n,
+            targetPosition=0.0,
+            force=self._config.yield_force_n,
             positionGain=0.3,
             velocityGain=1.0,
         )

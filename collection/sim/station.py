@@ -36,8 +36,6 @@ CLOSE_SPEED_M_S = 0.1
 CLOSE_LIMIT_S = 1.0
 STALLED_SPEED_M_S = 0.002
 STALLED_TICKS = 6
-BRAKING_TICKS = 6
-"""The hand yields until the arm stands still; only then it is locked."""
 TABLE_SEED = 0
 SHAKE_AMPLITUDE_M = 0.03
 HELD_HEIGHT_M = 0.12
@@ -224,12 +222,7 @@ class SimStation:
             force_n = hand.contact_force_n
             return force_n >= self._config.contact_force_n
 
-        hand.give_way()
         stopped = self._arm.move_line(goal, self._step, phase="descend", stop=touched, slow_from_m=slow_from_m)
-        if stopped:
-            for _ in range(BRAKING_TICKS):
-                self._step()
-        hand.lock()
         return Descent(contact_force_n=force_n if stopped else 0.0, pose_base_tool=hand.pose_base_tool)
 
     def close_gripper(self) -> float:
