@@ -36,6 +36,14 @@ TOUCH_MARGIN_M = 0.008
 """The descent is slow from so far above the first touch on."""
 
 
+PHYSICS_VERSION = 2
+"""Recorded with every session, and raised whenever equal settings and seeds stop giving equal attempts: those recorded
+under another version cannot be simulated again. Sessions that say nothing have version 1."""
+
+MOST_REDRAWS = 10
+"""Scenes that may fail to settle before an attempt is given up."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SimConfig:
     """Everything that, with a seed, determines a simulated attempt."""
@@ -77,6 +85,8 @@ class SimConfig:
     solver_iterations: int = 50
     solver_residual: float = 1e-4
     """The solver ends a step's iterations early once they change less than this (squared velocities)."""
+    grip_residual: float = 1e-7
+    """The same from the closing of the jaws on: unfinished iterations let fingers sink into thin objects."""
     settle_limit_s: float = 5.0
     vary: tuple[str, ...] = ()
     """What differs between scenes beside the objects; some of ``RANDOMIZED``."""
@@ -98,8 +108,14 @@ class SimConfig:
             faults.append(f"gripper is {self.gripper!r}, expected one of: {', '.join(GRIPPERS)}")
         elif not 0 < self.closed_width_m < self.gripper_stroke_m:
             faults.append(f"closed_width_m is {self.closed_width_m}, expected between 0 and {self.gripper_stroke_m}")
-        if not 0 <= self.solver_residual < 1:
-            faults.append(f"solver_residual is {self.solver_residual}, expected 0 to 1")
+        for name, residual in (("solver_residual", self.solver_residual), ("grip_residual", self.grip_residual)):
+            if not 0 <= residual < 1:
+                faults.append(f"{name} is {residual}, expected 0 to 1")
+        if self.touch_speed_m_s <= 0 or self.yield_force_n < 0:
+            faults.append(
+                f"the hand touches at {self.touch_speed_m_s} m/s and yields at {self.yield_force_n} N, expected more "
+                "than 0 m/s and 0 N or more"
+            )
         if self.physics_hz < 60 or self.solver_iterations < 1:
             faults.append(
                 f"physics runs at {self.physics_hz} Hz with {counted(self.solver_iterations, 'iteration')}, "
@@ -122,11 +138,19 @@ class SimConfig:
 
     def to_json(self) -> dict[str, Any]:
         """The settings as JSON values, as every session records them."""
-        return {**asdict(self), "camera": self.camera.to_json(), "vary": list(self.vary)}
+        return {
+            **asdict(self),
+            "camera": self.camera.to_json(),
+            "vary": list(self.vary),
+            "gripper_stroke_m": self.gripper_stroke_m,
+            "physics": PHYSICS_VERSION,
+        }
 
     @classmethod
     def from_json(cls, values: Mapping[str, Any]) -> SimConfig:
         """The settings that a session recorded; those that were not there yet have their defaults.
+
+        The version of the physics is not among them: see :func:`recorded_physics`.
 
         Raises:
             KeyError, TypeError: What every session records is missing, or there is a value too many.
@@ -137,7 +161,15 @@ class SimConfig:
             "workspace": Workspace(**values["workspace"]),
             "vary": tuple(values.get("vary", ())),
         }
-        return cls(**{**values, **parts})
+        settings = {name: value for name, value in values.items() if name not in ("gripper_stroke_m", "physics")}
+        config = cls(**{**settings, **parts})
+        stroke_m = values.get("gripper_stroke_m", config.gripper_stroke_m)
+        if stroke_m != config.gripper_stroke_m:
+            raise StationSettingsError(
+                f"gripper_stroke_m is {stroke_m}, expected the {config.gripper_stroke_m} of the gripper "
+                f"{config.gripper}: name one of {', '.join(GRIPPERS)}"
+            )
+        return config
 
     def _renderer_faults(self) -> list[str]:
         if self.renderer not in RENDERERS:
@@ -165,3 +197,8 @@ class SimConfig:
         columns = int((area.x_max_m - area.x_min_m) / DROP_SPACING_M) + 1
         rows = int((area.y_max_m - area.y_min_m) / DROP_SPACING_M) + 1
         return columns * rows * DROP_LAYERS
+
+
+def recorded_physics(values: Mapping[str, Any]) -> int:
+    """The version of the physics under which a session with these recorded settings was collected."""
+    return int(values.get("physics", 1))

@@ -33,7 +33,9 @@ class Gripper:
         return self.stroke_m + 2 * (self.finger_m[0] + self.palm_margin_m), self.palm_y_m, self.palm_z_m
 
 
-GRIPPERS = {gripper.name: gripper for gripper in (Gripper(name="2f-85", stroke_m=0.085), Gripper(name="2f-140", stroke_m=0.14))}
+GRIPPERS = {
+    gripper.name: gripper for gripper in (Gripper(name="2f-85", stroke_m=0.085), Gripper(name="2f-140", stroke_m=0.14))
+}
 DEFAULT_GRIPPER = "2f-85"
 
 

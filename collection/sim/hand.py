@@ -9,9 +9,8 @@ a thin object that they would otherwise squeeze into the table.
 
 from __future__ import annotations
 
-from numpy.typing import NDArray
-
 import numpy as np
+from numpy.typing import NDArray
 
 from handsight.collection.sim.arm_model import FINGER_JOINTS, GRIPPER_LINKS, HAND_JOINT
 from handsight.collection.sim.bullet import BulletClient, pybullet
@@ -108,6 +107,12 @@ class Hand:
         """
         contacts = self._bullet.getContactPoints(bodyA=self._body)
         return float(sum(contact[9] for contact in contacts if contact[2] != self._body))
+
+    def pinches(self, body: int) -> bool:
+        """Whether both fingers touch an object."""
+        contacts = self._bullet.getContactPoints(bodyA=self._body, bodyB=body)
+        touching = {contact[3] for contact in contacts if contact[9] > 0}
+        return touching >= set(self._fingers)
 
     def extend(self) -> None:
         """Put the slide where nothing pushes it, at once."""

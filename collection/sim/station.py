@@ -14,12 +14,12 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from handsight.collection.errors import ObjectSetError, PhaseAbortedError
+from handsight.collection.errors import ObjectSetError, SceneUnsettledError
 from handsight.collection.sim.arm import Arm
 from handsight.collection.sim.arm_model import temporary_arm_urdf
 from handsight.collection.sim.camera import DAYLIGHT, render
 from handsight.collection.sim.clearance import first_touch_m
-from handsight.collection.sim.config import TOUCH_MARGIN_M, SimConfig
+from handsight.collection.sim.config import MOST_REDRAWS, TOUCH_MARGIN_M, SimConfig
 from handsight.collection.sim.grippers import gripper_named
 from handsight.collection.sim.objects.catalogue import load_object_set
 from handsight.collection.sim.objects.model import ObjectModel
@@ -37,10 +37,13 @@ CLOSE_LIMIT_S = 1.0
 STALLED_SPEED_M_S = 0.002
 STALLED_TICKS = 6
 TABLE_SEED = 0
+UNSETTLED_SCENES = "unsettled_scenes"
+"""The condition that counts the scenes that were drawn before one came to rest."""
 SHAKE_AMPLITUDE_M = 0.03
 HELD_HEIGHT_M = 0.12
 """An object whose centre is this far above the table after the lift, 0.25 m up, is held in truth. Tall objects that
-stand on the table have their centres below."""
+stand on the table have their centres below, and so do long ones that hang from the fingers by one end: the touch of
+both fingers tells these apart."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,7 +63,7 @@ class SimStationFactory:
             closed_width_m=self.config.closed_width_m,
             pregrasp_height_m=self.config.pregrasp_height_m,
             objects=tuple(model.object_id for model in load_object_set(self.config.objects)),
-            conditions=condition_names(self.config.vary, self.config.objects_per_scene),
+            conditions=(UNSETTLED_SCENES, *condition_names(self.config.vary, self.config.objects_per_scene)),
         )
 
     @property
@@ -133,22 +136,44 @@ class SimStation:
         return self._arm.hand.width_m
 
     def reset(self, rng: np.random.Generator) -> SceneObjects:
-        """Drop new objects and let them come to rest; the arm stands at the overhead pose."""
-        self._randomization = Randomization.draw(self._config.vary, self._config.objects_per_scene, rng.spawn(1)[0])
-        self._reset_bullet()
-        chosen = rng.choice(len(self._models), size=self._config.objects_per_scene, replace=False)
-        self._scene.drop([self._models[index] for index in chosen], rng, self._randomization)
-        self._ticks += self._scene.settle()
-        poses = self._scene.poses()
-        target = self._choose_target(poses, rng)
+        """Drop new objects and let them come to rest; the arm stands at the overhead pose.
+
+        A scene that does not settle is drawn again from the same generator: it says nothing about who grasps. How
+        many did not is the condition ``unsettled_scenes``.
+
+        Raises:
+            SceneUnsettledError: More than ``MOST_REDRAWS`` scenes in a row did not settle.
+        """
+        unsettled = 0
+        while True:
+            try:
+                chosen, poses, target = self._draw_scene(rng)
+                break
+            except SceneUnsettledError as error:
+                unsettled += 1
+                if unsettled > MOST_REDRAWS:
+                    raise SceneUnsettledError(
+                        f"{error.reason}, and so it went in {unsettled} scenes of {self._config.objects_per_scene} "
+                        "objects; drop fewer, or raise settle_limit_s"
+                    ) from error
         # The arm stands above what falls, untouched: it costs nothing while it is not there yet.
         self._add_arm()
         return SceneObjects(
             catalogue_index=chosen.astype(np.int16),
             pose_base_object=poses,
             target=target,
-            conditions=self._randomization.values(),
+            conditions=np.array([unsettled, *self._randomization.values()], dtype=np.float64),
         )
+
+    def _draw_scene(self, rng: np.random.Generator) -> tuple[NDArray[np.int64], NDArray[np.float64], int]:
+        """Objects dropped into an empty world and come to rest: which, shape (M,), where, (M, 7), and the target."""
+        self._randomization = Randomization.draw(self._config.vary, self._config.objects_per_scene, rng.spawn(1)[0])
+        self._reset_bullet()
+        chosen = rng.choice(len(self._models), size=self._config.objects_per_scene, replace=False)
+        self._scene.drop([self._models[index] for index in chosen], rng, self._randomization)
+        self._ticks += self._scene.settle()
+        poses = self._scene.poses()
+        return chosen, poses, self._choose_target(poses, rng)
 
     def _reset_bullet(self) -> None:
         bullet = self._bullet = self._clients.empty()
@@ -183,7 +208,7 @@ class SimStation:
             if area.x_min_m <= x_m <= area.x_max_m and area.y_min_m <= y_m <= area.y_max_m
         ]
         if not inside:
-            raise PhaseAbortedError("settle", "every object rolled out of the workspace")
+            raise SceneUnsettledError("every object rolled out of the workspace")
         return int(rng.choice(inside))
 
     def look(self) -> RgbdFrame:
@@ -227,6 +252,7 @@ class SimStation:
 
     def close_gripper(self) -> float:
         """Close until the jaws stall or meet."""
+        self._bullet.setPhysicsEngineParameter(solverResidualThreshold=self._config.grip_residual)
         self._arm.hand.drive_fingers(opening_m_s=-CLOSE_SPEED_M_S)
         stalled = 0
         for _ in range(round(CLOSE_LIMIT_S * self._config.physics_hz)):
@@ -257,8 +283,9 @@ class SimStation:
         return self._arm.hand.width_m
 
     def held_in_truth(self) -> bool:
-        """Whether some object is above the table, gripper lifted."""
-        return bool((self._scene.poses()[:, 2] > HELD_HEIGHT_M).any())
+        """Whether some object hangs between the fingers or is above the table, gripper lifted."""
+        lifted = self._scene.poses()[:, 2] > HELD_HEIGHT_M
+        return bool(lifted.any()) or any(map(self._arm.hand.pinches, self._scene.bodies))
 
     def _step(self) -> None:
         self._bullet.stepSimulation()
