@@ -252,7 +252,7 @@ class SimStation:
 
     def close_gripper(self) -> float:
         """Close until the jaws stall or meet."""
-        self._bullet.setPhysicsEngineParameter(solverResidualThreshold=self._config.grip_residual)
+        self._bullet.setPhysicsEngineParameter(numSolverIterations=self._config.grip_iterations)
         self._arm.hand.drive_fingers(opening_m_s=-CLOSE_SPEED_M_S)
         stalled = 0
         for _ in range(round(CLOSE_LIMIT_S * self._config.physics_hz)):
