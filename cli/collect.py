@@ -15,6 +15,7 @@ from handsight.cli.interrupts import INTERRUPTED
 from handsight.cli.lazy import LazyCommand, LazyGroup, lazy_app
 from handsight.cli.opening import check_out_file, check_target
 from handsight.cli.options import (
+    DEFAULT_GRIPPER,
     DEFAULT_METHOD,
     DEFAULT_THRESHOLD,
     METHOD_NAMES,
@@ -22,6 +23,7 @@ from handsight.cli.options import (
     TRAINING_OBJECTS,
     VARIED_KINDS,
     DatasetPath,
+    Gripper,
     Json,
     Objects,
     PerScene,
@@ -74,6 +76,7 @@ def collect_sim(
     workers: Workers = 2,
     objects: Objects = TRAINING_OBJECTS,
     per_scene: PerScene = None,
+    gripper: Gripper = DEFAULT_GRIPPER,
     vary: Annotated[
         list[str] | None,
         typer.Option(
@@ -138,7 +141,7 @@ def collect_sim(
     from handsight.cli.wiring.stations import randomized, sim_station
 
     factory = with_renderer(
-        sim_station(objects, shakes=shakes, per_scene=per_scene, vary=randomized(vary)),
+        sim_station(objects, gripper=gripper, shakes=shakes, per_scene=per_scene, vary=randomized(vary)),
         renderer,
         dataset=dataset,
         seed=seed,

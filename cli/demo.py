@@ -18,11 +18,13 @@ from handsight.cli.evaluate import evaluate_model, print_results
 from handsight.cli.heatmap import heatmap_examples, latest_attempts
 from handsight.cli.opening import check_out_folder
 from handsight.cli.options import (
+    DEFAULT_GRIPPER,
     DEFAULT_METHOD,
     MOST_ATTEMPTS,
     MOST_TRIALS,
     NOVEL_OBJECTS,
     TRAINING_OBJECTS,
+    Gripper,
     Json,
     Seed,
     Workers,
@@ -108,6 +110,7 @@ def demo(
     trials: Annotated[int, typer.Option(max=MOST_TRIALS, help="Evaluation trials of each method.")] = 50,
     seed: Seed = 0,
     workers: Workers = 2,
+    gripper: Gripper = DEFAULT_GRIPPER,
     as_json: Json = False,
 ) -> None:
     """Collect grasps, train a network, servo on objects it never saw, and show the results.
@@ -119,20 +122,20 @@ def demo(
     paths = DemoPaths(out)
     check_out_folder(out)
     tell = errors if as_json else console
-    release = _collect(paths, collecting, tell)
+    release = _collect(paths, collecting, gripper, tell)
     _train(paths, release, TrainSettings(seed=seed), tell)
-    results = _evaluate(paths, evaluating, tell)
-    _record(paths, release, results, evaluating, tell)
+    results = _evaluate(paths, evaluating, gripper, tell)
+    _record(paths, release, results, evaluating, gripper, tell)
     if as_json:
         print_json({**results, "dataset": f"{paths.dataset}@{release}", "files": paths.files()})
     else:
         _show(paths, release, results["rows"])
 
 
-def _collect(paths: DemoPaths, settings: CollectSettings, tell: Output) -> str:
+def _collect(paths: DemoPaths, settings: CollectSettings, gripper: str, tell: Output) -> str:
     """Collect what is missing and release it; returns the release's name."""
     _headline(f"1  Collect {counted(settings.attempts, 'grasp attempt')} in simulation", tell)
-    collect_with_progress(paths.dataset, sim_station(TRAINING_OBJECTS), settings, resume=True)
+    collect_with_progress(paths.dataset, sim_station(TRAINING_OBJECTS, gripper=gripper), settings, resume=True)
     repository = GraspRepository.open(paths.dataset)
     name = f"demo-seed{settings.seed}-{settings.attempts}"
     if name not in repository.releases():
@@ -155,14 +158,19 @@ def _train(paths: DemoPaths, release: str, settings: TrainSettings, tell: Output
     tell.print(f"   {paths.run}: {describe(held_out)}")
 
 
-def _evaluate(paths: DemoPaths, settings: EvaluationSettings, tell: Output) -> dict[str, Any]:
+def _evaluate(paths: DemoPaths, settings: EvaluationSettings, gripper: str, tell: Output) -> dict[str, Any]:
     _headline(f"3  Servo on objects it never saw, {counted(settings.trials, 'trial')} of each method", tell)
     weights = load_run(paths.run).weights_sha256
     results = _read_results(paths.results)
-    shown = list(settings.methods)
-    key = {"weights_sha256": weights, "trials_each": settings.trials, "seed": settings.seed, "shown_methods": shown}
+    key = {
+        "weights_sha256": weights,
+        "trials_each": settings.trials,
+        "seed": settings.seed,
+        "gripper": gripper,
+        "shown_methods": list(settings.methods),
+    }
     if any(results.get(name) != value for name, value in key.items()):
-        results = {**evaluate_model(paths.run, NOVEL_OBJECTS, settings), **key}
+        results = {**evaluate_model(paths.run, NOVEL_OBJECTS, settings, gripper=gripper), **key}
         with atomic_file(paths.results) as unfinished:
             unfinished.write_text(json.dumps(results, indent=2) + "\n", encoding="utf-8")
     return results
@@ -177,12 +185,17 @@ def _read_results(path: Path) -> dict[str, Any]:
 
 
 def _record(
-    paths: DemoPaths, release: str, results: dict[str, Any], settings: EvaluationSettings, tell: Output
+    paths: DemoPaths,
+    release: str,
+    results: dict[str, Any],
+    settings: EvaluationSettings,
+    gripper: str,
+    tell: Output,
 ) -> None:
     _headline("4  Write the recordings and the figure", tell)
     dataset = GraspDataset.open(f"{paths.dataset}@{release}")
     write_heatmaps(paths.heatmaps, heatmap_examples(dataset, latest_attempts(dataset, 8), paths.run))
-    factory = TrialContextFactory(open_station=sim_station(NOVEL_OBJECTS), run=paths.run)
+    factory = TrialContextFactory(open_station=sim_station(NOVEL_OBJECTS, gripper=gripper), run=paths.run)
     number = _most_telling_trial(results["trials"])
     with suppress(TrialAbortedError):  # The best trial is one only where all were; the results have said why.
         recording = record_trial(factory, DEFAULT_METHOD, number, seed=settings.seed, servo=settings.servo)

@@ -10,11 +10,13 @@ import typer
 
 from handsight.cli.completion import words
 from handsight.cli.options import (
+    DEFAULT_GRIPPER,
     DEFAULT_THRESHOLD,
     EVALUATION_SEED,
     METHOD_NAMES,
     MOST_TRIALS,
     NOVEL_OBJECTS,
+    Gripper,
     Json,
     Model,
     Objects,
@@ -43,6 +45,7 @@ def evaluate_command(
     objects: Objects = NOVEL_OBJECTS,
     trials: Annotated[int, typer.Option("--trials", "-n", max=MOST_TRIALS, help="Trials of each method.")] = 100,
     station: Annotated[Literal["sim"], typer.Option(help="Where to try.")] = "sim",
+    gripper: Gripper = DEFAULT_GRIPPER,
     threshold: Threshold = DEFAULT_THRESHOLD,
     seed: TrialSeed = EVALUATION_SEED,
     workers: Workers = 2,
@@ -61,7 +64,7 @@ def evaluate_command(
         workers=workers,
         servo=ServoSettings(threshold=threshold),
     )
-    results = evaluate_model(model, objects, settings)
+    results = evaluate_model(model, objects, settings, gripper=gripper)
     if as_json:
         print_json(results)
     else:
@@ -71,7 +74,9 @@ def evaluate_command(
         raise typer.Exit(1)
 
 
-def evaluate_model(model: Path, objects: str, settings: EvaluationSettings) -> dict[str, Any]:
+def evaluate_model(
+    model: Path, objects: str, settings: EvaluationSettings, *, gripper: str = DEFAULT_GRIPPER
+) -> dict[str, Any]:
     """Run the trials behind a progress bar; returns what ``evaluate --json`` prints."""
     from handsight.cli.wiring.stations import sim_station
     from handsight.evaluation.evaluate import TrialContextFactory, evaluate
@@ -80,7 +85,9 @@ def evaluate_model(model: Path, objects: str, settings: EvaluationSettings) -> d
     from handsight.training.run import load_run
 
     run = load_run(model)
-    factory = TrialContextFactory(open_station=sim_station(objects), run=model, weights_sha256=run.weights_sha256)
+    factory = TrialContextFactory(
+        open_station=sim_station(objects, gripper=gripper), run=model, weights_sha256=run.weights_sha256
+    )
     with progress_bar("evaluate", settings.trials * len(settings.methods)) as bar:
         done = evaluate(factory, settings, on_trial=lambda trial: bar.advance())
     return {
@@ -88,6 +95,7 @@ def evaluate_model(model: Path, objects: str, settings: EvaluationSettings) -> d
         "model": str(model),
         "weights_sha256": run.weights_sha256,
         "dataset_digest": run.origin.digest,
+        "gripper": gripper,
         "seed": settings.seed,
         "threshold": settings.servo.threshold,
         "methods": [METHODS[name].to_json() for name in settings.methods],

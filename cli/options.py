@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Final, Literal
 
 import typer
 
@@ -21,6 +21,8 @@ TRAINING_OBJECTS = "household-train"
 """What is grasped where training data are collected."""
 NOVEL_OBJECTS = "household-test"
 """What is grasped where methods are compared: objects that training never saw."""
+DEFAULT_GRIPPER: Final = "2f-85"
+"""``config.SimConfig`` has it too, and a test that they agree."""
 METHOD_NAMES = ("random", "cem-5", "cem-1", "first-order", "second-order", "gauss-newton", "global")
 """Servo methods, for completion; the registry has them too, and a test that they agree."""
 EXPORT_FORMAT_NAMES = ("hdf5", "zarr", "lerobot")
@@ -114,6 +116,10 @@ PerScene = Annotated[
     typer.Option(
         "--objects-per-scene", min=1, max=1000, help="Objects in a scene; unless given 5, and 10 for the clutter sets."
     ),
+]
+Gripper = Annotated[
+    Literal["2f-85", "2f-140"],
+    typer.Option("--gripper", help="Gripper of the simulated station, by its stroke of 85 or 140 mm."),
 ]
 Renderer = Annotated[
     Literal["tiny", "egl", "auto"],

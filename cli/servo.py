@@ -11,12 +11,14 @@ from handsight.cli.completion import words
 from handsight.cli.errors import CommandError
 from handsight.cli.opening import check_out_file
 from handsight.cli.options import (
+    DEFAULT_GRIPPER,
     DEFAULT_METHOD,
     DEFAULT_THRESHOLD,
     EVALUATION_SEED,
     METHOD_NAMES,
     MOST_TRIALS,
     NOVEL_OBJECTS,
+    Gripper,
     Json,
     Model,
     Objects,
@@ -44,6 +46,7 @@ def servo_command(
     ] = 0,
     objects: Objects = NOVEL_OBJECTS,
     station: Annotated[Literal["sim"], typer.Option(help="Where to servo.")] = "sim",
+    gripper: Gripper = DEFAULT_GRIPPER,
     threshold: Threshold = DEFAULT_THRESHOLD,
     seed: TrialSeed = EVALUATION_SEED,
     scene_camera: Annotated[
@@ -61,7 +64,7 @@ def servo_command(
     from handsight.servoing.methods.registry import servo_method
 
     servo_method(method)
-    simulated = sim_station(objects)
+    simulated = sim_station(objects, gripper=gripper)
     factory = TrialContextFactory(open_station=simulated, run=model)
     recording = record_trial(factory, method, trial, seed=seed, servo=ServoSettings(threshold=threshold))
     if recording is None:

@@ -4,6 +4,7 @@ CollectionError
 ├── PhaseError (RuntimeError)            a phase of an attempt did not complete; recorded, the session goes on
 │   ├── UnreachableError                 the commanded pose is outside the arm's reach
 │   └── PhaseAbortedError                the station stopped the phase and says why
+│       └── SceneUnsettledError          the objects of a scene did not come to rest where they can be grasped
 ├── CollectionSettingsError (ValueError) how much or how to collect makes no sense
 ├── ObjectSetError (ValueError)          unknown object set, or one that cannot be used
 │   └── MeshImportError                  meshes that cannot become an object set, all of them named
@@ -33,6 +34,13 @@ class UnreachableError(PhaseError):
 
 class PhaseAbortedError(PhaseError):
     """The station stopped the phase and says why."""
+
+
+class SceneUnsettledError(PhaseAbortedError):
+    """The objects of a scene did not come to rest, or none did where it can be grasped: no fault of any method."""
+
+    def __init__(self, reason: str) -> None:
+        super().__init__("settle", reason)
 
 
 class CollectionSettingsError(CollectionError, ValueError):

@@ -36,7 +36,7 @@ class Descent:
     """How the vertical descent ended."""
 
     contact_force_n: float
-    """Upward force on the gripper that ended it [N]; 0 when it ended at table height."""
+    """Force on arm and gripper that ended it [N]; 0 when it ended at table height."""
     pose_base_tool: NDArray[np.float64]
     """Measured tool pose where it ended. Shape (4, 4)."""
 

@@ -117,7 +117,7 @@ class GraspAttempt:
     pose_base_tool_grasp: NDArray[np.float64]
     """Measured tool pose when the jaws closed; NaN when they did not. Shape (4, 4)."""
     contact_force_n: float
-    """Upward force that ended the descent [N]; 0 when it ended at table height."""
+    """Force of contact that ended the descent [N]; 0 when it ended at table height."""
     gripper: GripperReadings
     scene: SceneObjects | None
     truth_held: bool | None

@@ -7,7 +7,7 @@ from typing import Any
 
 from handsight.cli.wiring.policies import recorded_policy
 from handsight.collection.attempt import attempt_seed, run_attempt
-from handsight.collection.sim.config import SimConfig
+from handsight.collection.sim.config import PHYSICS_VERSION, SimConfig, recorded_physics
 from handsight.collection.sim.station import SimStation
 from handsight.datasets.format.header import canonical_json
 from handsight.datasets.records import GraspAttempt, SessionHeader
@@ -26,8 +26,13 @@ class Resimulator:
         self._model = model
 
     def __call__(self, header: SessionHeader, number: int) -> GraspAttempt | None:
-        """Attempt ``number`` of a session; None for one that was not simulated, or by a network that is not at hand."""
+        """Attempt ``number`` of a session; None for what cannot be performed here.
+
+        That is one that was not simulated, was under another version of the physics, or by a network not at hand.
+        """
         if header.station.source != "sim" or header.seed is None:
+            return None
+        if recorded_physics(header.config["station"]) != PHYSICS_VERSION:
             return None
         policy = recorded_policy(header.config.get("policy", {}), self._model)
         if policy is None:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from handsight.cli.errors import CommandError
 from handsight.collection.sim.config import RANDOMIZED, SimConfig
+from handsight.collection.sim.grippers import DEFAULT_GRIPPER
 from handsight.collection.sim.objects.catalogue import load_object_set, objects_per_scene
 from handsight.collection.sim.station import SimStationFactory, check_object_count
 
@@ -28,12 +29,18 @@ def randomized(given: Sequence[str] | None) -> tuple[str, ...]:
 
 
 def sim_station(
-    objects: str, *, shakes: int = 0, per_scene: int | None = None, vary: tuple[str, ...] = ()
+    objects: str,
+    *,
+    gripper: str = DEFAULT_GRIPPER,
+    shakes: int = 0,
+    per_scene: int | None = None,
+    vary: tuple[str, ...] = (),
 ) -> SimStationFactory:
     """The simulated station over an object set, checked before any process is started.
 
     Args:
         objects: The set.
+        gripper: Its name; see ``grippers.GRIPPERS``.
         shakes: Shakes after the lift.
         per_scene: Objects in a scene; None for what the set asks for.
         vary: What differs between scenes beside the objects; see ``config.RANDOMIZED``.
@@ -43,6 +50,6 @@ def sim_station(
         StationSettingsError: The settings describe no usable station.
     """
     count = objects_per_scene(objects) if per_scene is None else per_scene
-    config = SimConfig(objects=objects, shakes=shakes, objects_per_scene=count, vary=vary)
+    config = SimConfig(objects=objects, gripper=gripper, shakes=shakes, objects_per_scene=count, vary=vary)
     check_object_count(load_object_set(objects), config)
     return SimStationFactory(config=config)

@@ -1,7 +1,8 @@
-"""The simulated UR10: loads, moves by inverse kinematics under motor torque limits, feels contact."""
+"""The simulated UR10: loads, moves by inverse kinematics under motor torque limits, carries the hand."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 
@@ -9,11 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handsight.collection.errors import PhaseAbortedError
-from handsight.collection.sim.arm_model import ARM_JOINTS, FINGER_JOINTS, FLANGE_TO_TIP_M, GRIPPER_LINKS
+from handsight.collection.sim.arm_model import ARM_JOINTS
 from handsight.collection.sim.bullet import BulletClient, pybullet
 from handsight.collection.sim.config import SimConfig
+from handsight.collection.sim.hand import Hand
 from handsight.collection.sim.kinematics import JOINT_LIMITS_RAD, REFERENCE_RAD, joints_for
-from handsight.collection.sim.motion import trapezoid
+from handsight.collection.sim.motion import careful, trapezoid
 
 JOINT_EFFORT_NM = (330.0, 330.0, 150.0, 54.0, 54.0, 54.0)
 JOINT_SPEED_RAD_S = 2.0
@@ -39,78 +41,15 @@ class Arm:
         self.body: int = bullet.loadURDF(str(urdf), (0, 0, 0), BASE_ORIENTATION, useFixedBase=True)
         index = {bullet.getJointInfo(self.body, j)[1].decode(): j for j in range(bullet.getNumJoints(self.body))}
         self._joints = [index[name] for name in ARM_JOINTS]
-        self._fingers = [index[name] for name in FINGER_JOINTS]
-        self._flange = index["gripper_mount"]
         self._target_rad = REFERENCE_RAD
-        self._set_up_fingers()
-
-    def _set_up_fingers(self) -> None:
-        links = {
-            self._bullet.getJointInfo(self.body, j)[12].decode(): j for j in range(self._bullet.getNumJoints(self.body))
-        }
-        for name in GRIPPER_LINKS:
-            self._bullet.changeDynamics(
-                self.body,
-                links[name],
-                lateralFriction=self._config.finger_friction,
-                spinningFriction=0.002,
-                frictionAnchor=self._config.sticky_contacts,
-            )
-        # PyBullet ignores mimic tags; a gear keeps the jaws centred as the linkage of a real gripper does.
-        gear = self._bullet.createConstraint(
-            self.body, self._fingers[0], self.body, self._fingers[1], pybullet.JOINT_GEAR, (1, 0, 0), (0,) * 3, (0,) * 3
-        )
-        self._bullet.changeConstraint(gear, gearRatio=-1, erp=0.1, maxForce=2 * self._config.grip_force_n)
-        for joint in self._fingers:
-            self._bullet.resetJointState(self.body, joint, 0.5 * self._config.gripper_stroke_m)
-        self.drive_fingers(opening_m_s=0.1)
-
-    def drive_fingers(self, *, opening_m_s: float) -> None:
-        """Run both jaws at this speed [m/s each], limited by the grip force; negative closes."""
-        self._bullet.setJointMotorControlArray(
-            self.body,
-            self._fingers,
-            pybullet.VELOCITY_CONTROL,
-            targetVelocities=[opening_m_s] * 2,
-            forces=[self._config.grip_force_n] * 2,
-        )
-
-    @property
-    def width_m(self) -> float:
-        """Opening between the jaws [m], as a gripper reports it: between closed and the stroke.
-
-        Bullet's joint limits are soft, and fingers under load pass them by up to some millimetres.
-        """
-        states = self._bullet.getJointStates(self.body, self._fingers)
-        return min(max(float(states[0][0] + states[1][0]), 0.0), self._config.gripper_stroke_m)
-
-    @property
-    def finger_speed_m_s(self) -> float:
-        """Speed of the faster jaw [m/s]."""
-        states = self._bullet.getJointStates(self.body, self._fingers)
-        return max(abs(float(state[1])) for state in states)
-
-    @property
-    def pose_base_tool(self) -> NDArray[np.float64]:
-        """Measured pose of the fingertips in the base frame. Shape (4, 4)."""
-        state = self._bullet.getLinkState(self.body, self._flange, computeForwardKinematics=True)
-        pose = np.eye(4)
-        pose[:3, :3] = np.reshape(self._bullet.getMatrixFromQuaternion(state[5]), (3, 3))
-        pose[:3, 3] = np.asarray(state[4]) + FLANGE_TO_TIP_M * pose[:3, 2]
-        return pose
-
-    @property
-    def upward_force_n(self) -> float:
-        """Vertical force that the world exerts on arm and gripper [N]."""
-        # Field 7 is the contact normal on the other body, pointing towards the arm; field 9 its force.
-        contacts = self._bullet.getContactPoints(bodyA=self.body)
-        return float(sum(contact[7][2] * contact[9] for contact in contacts if contact[2] != self.body))
+        self.hand = Hand(bullet, self.body, config)
 
     def place(self, pose_base_tool: NDArray[np.float64]) -> None:
         """Put the arm at a pose at once, at rest: how an attempt begins."""
         self._target_rad = joints_for(pose_base_tool, REFERENCE_RAD)
         for joint, angle_rad in zip(self._joints, self._target_rad, strict=True):
             self._bullet.resetJointState(self.body, joint, angle_rad)
+        self.hand.extend()
         self._command(self._target_rad, np.zeros(6))
 
     def move_joints(self, pose_base_tool: NDArray[np.float64], step: Callable[[], None], *, phase: str) -> None:
@@ -140,8 +79,11 @@ class Arm:
         *,
         phase: str,
         stop: Callable[[], bool] | None = None,
+        slow_from_m: float = math.inf,
     ) -> bool:
         """Move the fingertips along a straight line without turning; ``stop`` is asked after every physics tick.
+
+        From ``slow_from_m`` along the line on they go no faster than ``SimConfig.touch_speed_m_s``.
 
         Returns:
             Whether ``stop`` ended the move early; the arm then holds where it is.
@@ -150,7 +92,7 @@ class Arm:
             UnreachableError: Some point of the line is out of reach; nothing moved.
             PhaseAbortedError: The arm was blocked on the way and ``stop`` did not say so.
         """
-        path_rad = self._line(pose_base_tool, phase)
+        path_rad = self._line(pose_base_tool, phase, slow_from_m)
         if self._follow(path_rad, step, stop):
             self.hold()
             return True
@@ -163,9 +105,9 @@ class Arm:
         self._target_rad = np.array([state[0] for state in states])
         self._command(self._target_rad, np.zeros(6))
 
-    def _line(self, pose_base_tool: NDArray[np.float64], phase: str) -> NDArray[np.float64]:
+    def _line(self, pose_base_tool: NDArray[np.float64], phase: str, slow_from_m: float) -> NDArray[np.float64]:
         """Joint angles at every tick of a straight-line move. Shape (K, 6)."""
-        start = self.pose_base_tool
+        start = self.hand.pose_base_tool
         offset_m = pose_base_tool[:3, 3] - start[:3, 3]
         length_m = float(np.linalg.norm(offset_m))
         knots = max(2, int(np.ceil(length_m / KNOT_SPACING_M)) + 1)
@@ -175,8 +117,13 @@ class Arm:
             knot = pose_base_tool.copy()
             knot[:3, 3] = start[:3, 3] + share * offset_m
             joints_rad.append(joints_for(knot, joints_rad[-1], phase=phase))
-        ticks_m = trapezoid(
-            length_m, speed=TOOL_SPEED_M_S, acceleration=TOOL_ACCELERATION_M_S2, rate_hz=self._config.physics_hz
+        ticks_m = careful(
+            length_m,
+            slow_from=slow_from_m,
+            slow_speed=self._config.touch_speed_m_s,
+            speed=TOOL_SPEED_M_S,
+            acceleration=TOOL_ACCELERATION_M_S2,
+            rate_hz=self._config.physics_hz,
         )
         table = np.stack(joints_rad)  # (knots, 6)
         columns = [np.interp(ticks_m, shares * length_m, table[:, axis]) for axis in range(6)]

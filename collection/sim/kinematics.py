@@ -11,7 +11,7 @@ from eaik.IK_DH import DhRobot
 from numpy.typing import NDArray
 
 from handsight.collection.errors import UnreachableError
-from handsight.collection.sim.arm_model import FLANGE_TO_TIP_M
+from handsight.collection.sim.grippers import FLANGE_TO_TIP_M
 
 JOINT_LIMITS_RAD = np.array([2 * np.pi, 2 * np.pi, np.pi, 2 * np.pi, 2 * np.pi, 2 * np.pi])
 """Symmetric position limits of the UR10; the elbow turns half as far as the others."""

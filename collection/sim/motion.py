@@ -25,3 +25,23 @@ def trapezoid(length: float, *, speed: float, acceleration: float, rate_hz: floa
     falling_s = np.clip(t - (total_s - ramp_s), 0.0, ramp_s)
     path: NDArray[np.float64] = rising + cruising + peak * falling_s - 0.5 * acceleration * falling_s**2
     return path
+
+
+def careful(
+    length: float, *, slow_from: float, slow_speed: float, speed: float, acceleration: float, rate_hz: float
+) -> NDArray[np.float64]:
+    """As :func:`trapezoid`, but from ``slow_from`` along the path on no faster than ``slow_speed``. Shape (K,).
+
+    Units are free but must agree. With ``slow_from`` at ``length`` or beyond nothing is slowed.
+    """
+    if slow_from >= length or speed <= slow_speed:
+        return trapezoid(length, speed=speed, acceleration=acceleration, rate_hz=rate_hz)
+    gain, path, at, now = acceleration / rate_hz, [], 0.0, 0.0
+    while at < length:
+        before = math.sqrt(slow_speed**2 + 2 * acceleration * max(slow_from - at, 0.0))
+        # A brake to the end by the same rule would never arrive: its last speed is what one tick can lose.
+        stopping = max(gain, math.sqrt(2 * acceleration * (length - at)))
+        now = min(now + gain, speed, before, stopping)
+        at = min(length, at + now / rate_hz)
+        path.append(at)
+    return np.array(path)

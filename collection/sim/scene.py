@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from handsight.collection.errors import PhaseAbortedError
+from handsight.collection.errors import SceneUnsettledError
 from handsight.collection.sim.bullet import BulletClient, pybullet
 from handsight.collection.sim.config import DROP_SPACING_M, SimConfig
 from handsight.collection.sim.objects.model import ObjectModel
@@ -69,7 +69,7 @@ class Scene:
         Sleeping bodies cost no solver time until something touches them, which wakes them.
 
         Raises:
-            PhaseAbortedError: Something still moves at ``settle_limit_s``.
+            SceneUnsettledError: Something still moves at ``settle_limit_s``.
         """
         limit = round(self._config.settle_limit_s * self._config.physics_hz)
         for tick in range(1, limit + 1):
@@ -77,7 +77,7 @@ class Scene:
             if tick % CHECK_EVERY_TICKS == 0 and all(map(self._rests, self.bodies)):
                 break
         else:
-            raise PhaseAbortedError("settle", f"objects still moved after {self._config.settle_limit_s:g} s")
+            raise SceneUnsettledError(f"objects still moved after {self._config.settle_limit_s:g} s")
         self.sleep()
         return tick
 

@@ -14,6 +14,7 @@ from handsight.collection.sim.arm import BASE_ORIENTATION
 from handsight.collection.sim.arm_model import ARM_JOINTS, FINGER_JOINTS, temporary_arm_urdf
 from handsight.collection.sim.bullet import BulletClient, connect, pybullet
 from handsight.collection.sim.config import SimConfig
+from handsight.collection.sim.grippers import gripper_named
 from handsight.collection.sim.kinematics import REFERENCE_RAD, joints_for
 from handsight.collection.sim.objects.catalogue import load_object_set
 from handsight.collection.sim.table import TABLE_CENTRE_M, TABLE_HALF_SIZE_M, WOOD_RGB
@@ -48,7 +49,7 @@ class StaticReplica:
         self._bodies: list[int] = []
 
     def _load_arm(self) -> None:
-        folder, urdf = temporary_arm_urdf(with_visuals=True)
+        folder, urdf = temporary_arm_urdf(gripper_named(self._config.gripper), with_visuals=True)
         with folder:
             self._arm: int = self.bullet.loadURDF(str(urdf), (0, 0, 0), BASE_ORIENTATION, useFixedBase=True)
         joints = range(self.bullet.getNumJoints(self._arm))

@@ -6,6 +6,7 @@ worker did before: this is what makes attempts re-simulable bit for bit. Reloadi
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -13,11 +14,13 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from handsight.collection.errors import ObjectSetError, PhaseAbortedError
+from handsight.collection.errors import ObjectSetError, SceneUnsettledError
 from handsight.collection.sim.arm import Arm
 from handsight.collection.sim.arm_model import temporary_arm_urdf
 from handsight.collection.sim.camera import DAYLIGHT, render
-from handsight.collection.sim.config import SimConfig
+from handsight.collection.sim.clearance import first_touch_m
+from handsight.collection.sim.config import MOST_REDRAWS, TOUCH_MARGIN_M, SimConfig
+from handsight.collection.sim.grippers import gripper_named
 from handsight.collection.sim.objects.catalogue import load_object_set
 from handsight.collection.sim.objects.model import ObjectModel
 from handsight.collection.sim.randomization import Randomization, condition_names
@@ -34,10 +37,13 @@ CLOSE_LIMIT_S = 1.0
 STALLED_SPEED_M_S = 0.002
 STALLED_TICKS = 6
 TABLE_SEED = 0
+UNSETTLED_SCENES = "unsettled_scenes"
+"""The condition that counts the scenes that were drawn before one came to rest."""
 SHAKE_AMPLITUDE_M = 0.03
 HELD_HEIGHT_M = 0.12
 """An object whose centre is this far above the table after the lift, 0.25 m up, is held in truth. Tall objects that
-stand on the table have their centres below."""
+stand on the table have their centres below, and so do long ones that hang from the fingers by one end: the touch of
+both fingers tells these apart."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,7 +63,7 @@ class SimStationFactory:
             closed_width_m=self.config.closed_width_m,
             pregrasp_height_m=self.config.pregrasp_height_m,
             objects=tuple(model.object_id for model in load_object_set(self.config.objects)),
-            conditions=condition_names(self.config.vary, self.config.objects_per_scene),
+            conditions=(UNSETTLED_SCENES, *condition_names(self.config.vary, self.config.objects_per_scene)),
         )
 
     @property
@@ -102,9 +108,10 @@ class SimStation:
         self._models = load_object_set(config.objects)
         check_object_count(self._models, config)
         self._spec = SimStationFactory(config=config).spec
+        self._gripper = gripper_named(config.gripper)
         self._renderer = renderer_named(config.renderer)
         self._clients = EmptyClients(self._renderer)
-        self._folder, self._arm_urdf = temporary_arm_urdf()
+        self._folder, self._arm_urdf = temporary_arm_urdf(self._gripper)
         self._wooden_table = self._table = wooden_table(np.random.default_rng(TABLE_SEED))
         self._ticks = 0
 
@@ -126,25 +133,47 @@ class SimStation:
     @property
     def width_m(self) -> float:
         """Opening between the jaws now [m]."""
-        return self._arm.width_m
+        return self._arm.hand.width_m
 
     def reset(self, rng: np.random.Generator) -> SceneObjects:
-        """Drop new objects and let them come to rest; the arm stands at the overhead pose."""
-        self._randomization = Randomization.draw(self._config.vary, self._config.objects_per_scene, rng.spawn(1)[0])
-        self._reset_bullet()
-        chosen = rng.choice(len(self._models), size=self._config.objects_per_scene, replace=False)
-        self._scene.drop([self._models[index] for index in chosen], rng, self._randomization)
-        self._ticks += self._scene.settle()
-        poses = self._scene.poses()
-        target = self._choose_target(poses, rng)
+        """Drop new objects and let them come to rest; the arm stands at the overhead pose.
+
+        A scene that does not settle is drawn again from the same generator: it says nothing about who grasps. How
+        many did not is the condition ``unsettled_scenes``.
+
+        Raises:
+            SceneUnsettledError: More than ``MOST_REDRAWS`` scenes in a row did not settle.
+        """
+        unsettled = 0
+        while True:
+            try:
+                chosen, poses, target = self._draw_scene(rng)
+                break
+            except SceneUnsettledError as error:
+                unsettled += 1
+                if unsettled > MOST_REDRAWS:
+                    raise SceneUnsettledError(
+                        f"{error.reason}, and so it went in {unsettled} scenes of {self._config.objects_per_scene} "
+                        "objects; drop fewer, or raise settle_limit_s"
+                    ) from error
         # The arm stands above what falls, untouched: it costs nothing while it is not there yet.
         self._add_arm()
         return SceneObjects(
             catalogue_index=chosen.astype(np.int16),
             pose_base_object=poses,
             target=target,
-            conditions=self._randomization.values(),
+            conditions=np.array([unsettled, *self._randomization.values()], dtype=np.float64),
         )
+
+    def _draw_scene(self, rng: np.random.Generator) -> tuple[NDArray[np.int64], NDArray[np.float64], int]:
+        """Objects dropped into an empty world and come to rest: which, shape (M,), where, (M, 7), and the target."""
+        self._randomization = Randomization.draw(self._config.vary, self._config.objects_per_scene, rng.spawn(1)[0])
+        self._reset_bullet()
+        chosen = rng.choice(len(self._models), size=self._config.objects_per_scene, replace=False)
+        self._scene.drop([self._models[index] for index in chosen], rng, self._randomization)
+        self._ticks += self._scene.settle()
+        poses = self._scene.poses()
+        return chosen, poses, self._choose_target(poses, rng)
 
     def _reset_bullet(self) -> None:
         bullet = self._bullet = self._clients.empty()
@@ -179,12 +208,12 @@ class SimStation:
             if area.x_min_m <= x_m <= area.x_max_m and area.y_min_m <= y_m <= area.y_max_m
         ]
         if not inside:
-            raise PhaseAbortedError("settle", "every object rolled out of the workspace")
+            raise SceneUnsettledError("every object rolled out of the workspace")
         return int(rng.choice(inside))
 
     def look(self) -> RgbdFrame:
         """Render the hand camera."""
-        pose_base_tool = self._arm.pose_base_tool
+        pose_base_tool = self._arm.hand.pose_base_tool
         noise = self._randomization.depth_noise
         rgb, depth = render(
             self._bullet,
@@ -204,53 +233,59 @@ class SimStation:
         self._arm.move_joints(pose.pose_base_tool(self._config.pregrasp_height_m), self._step, phase="reach")
 
     def descend(self) -> Descent:
-        """Straight down to table height or until contact."""
-        goal = self._arm.pose_base_tool
+        """Straight down to table height or until contact, slowly where contact is near, with a hand that yields."""
+        hand = self._arm.hand
+        start = hand.pose_base_tool
+        goal = start.copy()
         goal[2, 3] = self._config.table_height_m
+        touch_m = first_touch_m(self._bullet, self._gripper, start)
+        slow_from_m = start[2, 3] - touch_m - TOUCH_MARGIN_M if touch_m > goal[2, 3] else math.inf
         force_n = 0.0
 
         def touched() -> bool:
             nonlocal force_n
-            force_n = self._arm.upward_force_n
+            force_n = hand.contact_force_n
             return force_n >= self._config.contact_force_n
 
-        stopped = self._arm.move_line(goal, self._step, phase="descend", stop=touched)
-        return Descent(contact_force_n=force_n if stopped else 0.0, pose_base_tool=self._arm.pose_base_tool)
+        stopped = self._arm.move_line(goal, self._step, phase="descend", stop=touched, slow_from_m=slow_from_m)
+        return Descent(contact_force_n=force_n if stopped else 0.0, pose_base_tool=hand.pose_base_tool)
 
     def close_gripper(self) -> float:
         """Close until the jaws stall or meet."""
-        self._arm.drive_fingers(opening_m_s=-CLOSE_SPEED_M_S)
+        self._bullet.setPhysicsEngineParameter(numSolverIterations=self._config.grip_iterations)
+        self._arm.hand.drive_fingers(opening_m_s=-CLOSE_SPEED_M_S)
         stalled = 0
         for _ in range(round(CLOSE_LIMIT_S * self._config.physics_hz)):
             self._step()
-            stalled = stalled + 1 if self._arm.finger_speed_m_s < STALLED_SPEED_M_S else 0
+            stalled = stalled + 1 if self._arm.hand.finger_speed_m_s < STALLED_SPEED_M_S else 0
             if stalled >= STALLED_TICKS:
                 break
-        return self._arm.width_m
+        return self._arm.hand.width_m
 
     def lift(self) -> float:
         """Raise the tool to the lift height."""
         # Objects that were pushed and rest again need no solver; those in touch with the jaws wake up at once.
         self._scene.sleep()
-        goal = self._arm.pose_base_tool
+        goal = self._arm.hand.pose_base_tool
         goal[2, 3] = self._config.lift_height_m
         self._arm.move_line(goal, self._step, phase="lift")
-        return self._arm.width_m
+        return self._arm.hand.width_m
 
     def shake(self) -> float:
         """Shake along the tool's y axis, across the grip, as often as configured."""
-        rest = self._arm.pose_base_tool
+        rest = self._arm.hand.pose_base_tool
         for _ in range(self._config.shakes):
             for offset_m in (SHAKE_AMPLITUDE_M, -SHAKE_AMPLITUDE_M):
                 goal = rest.copy()
                 goal[:3, 3] += offset_m * rest[:3, 1]
                 self._arm.move_line(goal, self._step, phase="shake")
         self._arm.move_line(rest, self._step, phase="shake")
-        return self._arm.width_m
+        return self._arm.hand.width_m
 
     def held_in_truth(self) -> bool:
-        """Whether some object is above the table, gripper lifted."""
-        return bool((self._scene.poses()[:, 2] > HELD_HEIGHT_M).any())
+        """Whether some object hangs between the fingers or is above the table, gripper lifted."""
+        lifted = self._scene.poses()[:, 2] > HELD_HEIGHT_M
+        return bool(lifted.any()) or any(map(self._arm.hand.pinches, self._scene.bodies))
 
     def _step(self) -> None:
         self._bullet.stepSimulation()

@@ -13,6 +13,7 @@ from handsight.collection.sim.bullet import connect
 from handsight.collection.sim.bullet import pybullet as pb
 from handsight.collection.sim.camera import Light, render, render_objects
 from handsight.collection.sim.config import D435_ON_GRIPPER, SimConfig
+from handsight.collection.sim.grippers import gripper_named
 from handsight.collection.sim.table import TABLE_HALF_SIZE_M, TableTop, wooden_table
 from handsight.servoing.planar import PlanarPose
 
@@ -85,15 +86,17 @@ def test_light_that_is_none_is_refused() -> None:
 
 
 @pytest.mark.parametrize("height_m", [0.5, 0.4, 0.2])
-@pytest.mark.parametrize("width_m", [0.0, 0.085])
+@pytest.mark.parametrize("width_m", [0.0, 0.085, 0.14])
 def test_the_arm_is_not_in_the_picture(height_m: float, width_m: float) -> None:
     """With all its meshes loaded the arm covers not one pixel, so leaving it undrawn changes nothing."""
-    folder, urdf = temporary_arm_urdf(with_visuals=True)
+    gripper = gripper_named("2f-140" if width_m > 0.085 else "2f-85")
+    folder, urdf = temporary_arm_urdf(gripper, with_visuals=True)
     bullet = connect()
     try:
-        arm = Arm(bullet, urdf, SimConfig(gripper_stroke_m=width_m or 0.005))
+        arm = Arm(bullet, urdf, SimConfig(gripper=gripper.name))
+        arm.hand.place_fingers(width_m)
         arm.place(POSE.pose_base_tool(height_m))
-        _, depth_m = render_objects(bullet, INTRINSICS, D435_ON_GRIPPER.pose_base_camera(arm.pose_base_tool))
+        _, depth_m = render_objects(bullet, INTRINSICS, D435_ON_GRIPPER.pose_base_camera(arm.hand.pose_base_tool))
     finally:
         bullet.disconnect()
         folder.cleanup()

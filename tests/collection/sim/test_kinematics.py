@@ -15,13 +15,14 @@ from handsight.collection.sim.arm import Arm
 from handsight.collection.sim.arm_model import temporary_arm_urdf
 from handsight.collection.sim.bullet import connect
 from handsight.collection.sim.config import SimConfig
+from handsight.collection.sim.grippers import DEFAULT_GRIPPER, gripper_named
 from handsight.collection.sim.kinematics import JOINT_LIMITS_RAD, REFERENCE_RAD, joints_for
 from handsight.servoing.planar import PlanarPose
 
 
 @pytest.fixture(scope="module")
 def arm() -> Iterator[Arm]:
-    folder, urdf = temporary_arm_urdf()
+    folder, urdf = temporary_arm_urdf(gripper_named(DEFAULT_GRIPPER))
     bullet = connect()
     yield Arm(bullet, urdf, SimConfig())
     bullet.disconnect()
@@ -37,7 +38,7 @@ def test_fingertips_arrive_where_they_were_sent(
 ) -> None:
     goal = PlanarPose(x_m=x_m, y_m=y_m, angle_rad=angle_rad).pose_base_tool(height_m)
     arm.place(goal)
-    np.testing.assert_allclose(arm.pose_base_tool, goal, atol=1e-6)
+    np.testing.assert_allclose(arm.hand.pose_base_tool, goal, atol=1e-6)
 
 
 @settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -59,7 +60,7 @@ def test_what_is_not_refused_is_reached(
         arm.place(goal)
     except UnreachableError:
         return
-    np.testing.assert_allclose(arm.pose_base_tool, goal, atol=1e-6)
+    np.testing.assert_allclose(arm.hand.pose_base_tool, goal, atol=1e-6)
 
 
 @pytest.mark.parametrize("x_m", [0.53, 0.62, 0.75, 0.87, 0.89, 0.99])

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from handsight.collection.attempt import attempt_seed, run_attempt
 from handsight.collection.errors import StationSettingsError, UnreachableError
 from handsight.collection.policy import UniformPolicy
-from handsight.collection.sim.arm_model import FLANGE_TO_TIP_M
 from handsight.collection.sim.config import SimConfig
+from handsight.collection.sim.grippers import FLANGE_TO_TIP_M
 from handsight.collection.sim.scene_camera import LAMP_M, SceneCamera, Viewpoint, pose_looking_at
 from handsight.collection.sim.static_replica import StaticReplica
 from handsight.collection.sim.station import SimStation
