@@ -14,7 +14,6 @@ from typing import Annotated, Any
 import typer
 
 from handsight.cli.collect import collect_with_progress
-from handsight.cli.evaluate import evaluate_model, print_results
 from handsight.cli.heatmap import heatmap_examples, latest_attempts
 from handsight.cli.opening import check_out_folder
 from handsight.cli.options import (
@@ -30,6 +29,8 @@ from handsight.cli.options import (
 from handsight.cli.output import Output, bold, console, errors, print_json
 from handsight.cli.servo import write_trace
 from handsight.cli.train import describe, train_to_folder
+from handsight.cli.wiring.evaluation_tables import print_results
+from handsight.cli.wiring.evaluations import evaluate_model
 from handsight.cli.wiring.stations import sim_station
 from handsight.collection.collector import CollectSettings
 from handsight.datasets.atomic import atomic_file
