@@ -125,6 +125,9 @@ def demo(
         print_json({**results, "dataset": f"{paths.dataset}@{release}", "files": paths.files()})
     else:
         _show(paths, release, results["rows"])
+    if results["fault"] is not None:
+        errors.print(f"error: {results['fault']}")
+        raise typer.Exit(1)
 
 
 def _collect(paths: DemoPaths, settings: CollectSettings, tell: Output) -> str:
@@ -158,7 +161,8 @@ def _evaluate(paths: DemoPaths, settings: EvaluationSettings, tell: Output) -> d
     weights = load_run(paths.run).weights_sha256
     results = _read_results(paths.results)
     key = {"weights_sha256": weights, "trials_each": settings.trials, "seed": settings.seed}
-    if any(results.get(name) != value for name, value in key.items()):
+    # Results of earlier versions lack tables.
+    if "comparisons" not in results or any(results.get(name) != value for name, value in key.items()):
         results = {**evaluate_model(paths.run, NOVEL_OBJECTS, settings), **key}
         with atomic_file(paths.results) as unfinished:
             unfinished.write_text(json.dumps(results, indent=2) + "\n", encoding="utf-8")
@@ -185,7 +189,8 @@ def _record(
         recording = record_trial(factory, DEFAULT_METHOD, number, seed=settings.seed, servo=settings.servo)
         if recording is not None:
             write_trace(paths.trace, recording, paths.run)
-    results_figure([row for row in results["rows"] if row["trials"]], paths.figure)
+    if rows := [row for row in results["rows"] if row["trials"]]:
+        results_figure(rows, paths.figure)
 
 
 def _most_telling_trial(trials: list[dict[str, Any]]) -> int:
