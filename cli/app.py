@@ -43,8 +43,9 @@ NOUNS = (
         (
             "handsight evaluate --model runs/rgbd",
             "handsight evaluate --model runs/rgbd --methods cem-1,first-order --trials 200 --json",
+            "handsight evaluate --model runs/rgbd --objects household-test,blocks-test --out trials.jsonl",
         ),
-        kept="no trial is kept; the same call makes the same trials again",
+        kept="no trial is kept but those in --out, with which the same call goes on",
     ),
     LazyCommand(
         "heatmap",

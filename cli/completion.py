@@ -185,6 +185,12 @@ def _object_sets(ctx: typer.Context, incomplete: str) -> Iterable[str]:
     return (one.name for one in list_object_sets())
 
 
+def _several_object_sets(ctx: typer.Context, incomplete: str) -> Iterable[str]:
+    """Object sets, also behind a comma."""
+    before, comma, _ = incomplete.rpartition(",")
+    return (f"{before}{comma}{name}" for name in _object_sets(ctx, "") if name not in before.split(","))
+
+
 complete_version = _offered(_versions)
 complete_branch = _offered(_branches)
 complete_dataset = _offered(_datasets)
@@ -197,6 +203,7 @@ complete_filter = _offered(_filters)
 complete_folds = _offered(_folds)
 complete_columns = _offered(_columns)
 complete_objects = _offered(_object_sets)
+complete_object_sets = _offered(_several_object_sets)
 
 
 def rejoined(typed: Sequence[str], current: int) -> tuple[list[str], int]:

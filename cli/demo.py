@@ -14,7 +14,6 @@ from typing import Annotated, Any
 import typer
 
 from handsight.cli.collect import collect_with_progress
-from handsight.cli.evaluate import evaluate_model, print_results
 from handsight.cli.heatmap import heatmap_examples, latest_attempts
 from handsight.cli.opening import check_out_folder
 from handsight.cli.options import (
@@ -32,6 +31,8 @@ from handsight.cli.options import (
 from handsight.cli.output import Output, bold, console, errors, print_json
 from handsight.cli.servo import write_trace
 from handsight.cli.train import describe, train_to_folder
+from handsight.cli.wiring.evaluation_tables import print_results
+from handsight.cli.wiring.evaluations import evaluate_model
 from handsight.cli.wiring.stations import sim_station
 from handsight.collection.collector import CollectSettings
 from handsight.datasets.atomic import atomic_file
@@ -130,6 +131,9 @@ def demo(
         print_json({**results, "dataset": f"{paths.dataset}@{release}", "files": paths.files()})
     else:
         _show(paths, release, results["rows"])
+    if results["fault"] is not None:
+        errors.print(f"error: {results['fault']}")
+        raise typer.Exit(1)
 
 
 def _collect(paths: DemoPaths, settings: CollectSettings, gripper: str, tell: Output) -> str:
@@ -169,7 +173,8 @@ def _evaluate(paths: DemoPaths, settings: EvaluationSettings, gripper: str, tell
         "gripper": gripper,
         "shown_methods": list(settings.methods),
     }
-    if any(results.get(name) != value for name, value in key.items()):
+    # Results of earlier versions lack tables.
+    if "comparisons" not in results or any(results.get(name) != value for name, value in key.items()):
         results = {**evaluate_model(paths.run, NOVEL_OBJECTS, settings, gripper=gripper), **key}
         with atomic_file(paths.results) as unfinished:
             unfinished.write_text(json.dumps(results, indent=2) + "\n", encoding="utf-8")
@@ -201,7 +206,8 @@ def _record(
         recording = record_trial(factory, DEFAULT_METHOD, number, seed=settings.seed, servo=settings.servo)
         if recording is not None:
             write_trace(paths.trace, recording, paths.run)
-    results_figure([row for row in results["rows"] if row["trials"]], paths.figure)
+    if rows := [row for row in results["rows"] if row["trials"]]:
+        results_figure(rows, paths.figure)
 
 
 def _most_telling_trial(trials: list[dict[str, Any]]) -> int:

@@ -1,14 +1,15 @@
-"""``handsight evaluate``: success of servo methods, with n and 95 % intervals."""
+"""``handsight evaluate``: success of servo methods, with n, 95 % intervals and paired comparisons."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 import typer
 
-from handsight.cli.completion import words
+from handsight.cli.completion import complete_object_sets, words
+from handsight.cli.errors import CommandError
+from handsight.cli.opening import check_out_file
 from handsight.cli.options import (
     DEFAULT_GRIPPER,
     DEFAULT_THRESHOLD,
@@ -19,19 +20,12 @@ from handsight.cli.options import (
     Gripper,
     Json,
     Model,
-    Objects,
     Threshold,
     TrialSeed,
     Workers,
 )
-from handsight.cli.output import console, errors, print_json, progress_bar
-from handsight.cli.tables import Column, print_table
+from handsight.cli.output import errors, print_json
 from handsight.training.run_folder import check_finished_run
-
-if TYPE_CHECKING:
-    # PyTorch and PyBullet take seconds; nothing is imported where there is no run.
-    from handsight.evaluation.evaluate import EvaluationSettings
-    from handsight.evaluation.results import ResultRow
 
 
 def evaluate_command(
@@ -42,17 +36,49 @@ def evaluate_command(
             metavar="A,B,C", help="Servo methods; all there are unless given.", autocompletion=words(*METHOD_NAMES)
         ),
     ] = None,
-    objects: Objects = NOVEL_OBJECTS,
-    trials: Annotated[int, typer.Option("--trials", "-n", max=MOST_TRIALS, help="Trials of each method.")] = 100,
+    objects: Annotated[
+        str,
+        typer.Option(
+            metavar="SET,SET",
+            help="Object sets; see 'handsight objects ls'.",
+            autocompletion=complete_object_sets,
+        ),
+    ] = NOVEL_OBJECTS,
+    trials: Annotated[
+        int, typer.Option("--trials", "-n", max=MOST_TRIALS, help="Trials of each method on each object set.")
+    ] = 100,
     station: Annotated[Literal["sim"], typer.Option(help="Where to try.")] = "sim",
     gripper: Gripper = DEFAULT_GRIPPER,
     threshold: Threshold = DEFAULT_THRESHOLD,
     seed: TrialSeed = EVALUATION_SEED,
     workers: Workers = 2,
+    against: Annotated[
+        str | None,
+        typer.Option(
+            metavar="METHOD",
+            help="Compare with this method; unless given the best.",
+            autocompletion=words(*METHOD_NAMES),
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out", metavar="FILE", help="Journal of the trials; the same call goes on with it after an interruption."
+        ),
+    ] = None,
+    figure: Annotated[
+        Path | None, typer.Option(metavar="FILE.png", help="Draw the trials by their number of servo moves (figure 9).")
+    ] = None,
+    calibration: Annotated[bool, typer.Option("--calibration", help="Print success by predicted success.")] = False,
+    causes: Annotated[bool, typer.Option("--causes", help="Print the failures by cause.")] = False,
     as_json: Json = False,
 ) -> None:
     """Compare servo methods on the same scenes and starting poses (section V-B.2)."""
     check_finished_run(model)
+    if out is not None:
+        check_out_file(out)
+    from handsight.cli.wiring.evaluations import evaluate_model
+    from handsight.evaluation.comparison import check_reference
     from handsight.evaluation.evaluate import EvaluationSettings, method_names
     from handsight.servoing.loop import ServoSettings
     from handsight.servoing.methods.registry import METHODS
@@ -64,80 +90,39 @@ def evaluate_command(
         workers=workers,
         servo=ServoSettings(threshold=threshold),
     )
-    results = evaluate_model(model, objects, settings, gripper=gripper)
+    check_reference(against, settings.methods)
+    if figure is not None:
+        _check_figure(figure, settings.methods)
+    results = evaluate_model(model, objects, settings, gripper=gripper, out=out, against=against)
+    if figure is not None:
+        from handsight.viz.figures.durations import durations_figure
+
+        durations_figure(results["durations"], figure)
     if as_json:
         print_json(results)
     else:
-        print_results(results["rows"])
+        _print(results, calibration=calibration, causes=causes)
     if results["fault"] is not None:
         errors.print(f"error: {results['fault']}")
         raise typer.Exit(1)
 
 
-def evaluate_model(
-    model: Path, objects: str, settings: EvaluationSettings, *, gripper: str = DEFAULT_GRIPPER
-) -> dict[str, Any]:
-    """Run the trials behind a progress bar; returns what ``evaluate --json`` prints."""
-    from handsight.cli.wiring.stations import sim_station
-    from handsight.evaluation.evaluate import TrialContextFactory, evaluate
-    from handsight.evaluation.results import result_rows, why_nothing_counts
+def _check_figure(figure: Path, methods: tuple[str, ...]) -> None:
+    """Refuse a figure that could not be drawn, before there are trials to draw."""
     from handsight.servoing.methods.registry import METHODS
-    from handsight.training.run import load_run
+    from handsight.viz.figures.style import check_figure_path
 
-    run = load_run(model)
-    factory = TrialContextFactory(
-        open_station=sim_station(objects, gripper=gripper), run=model, weights_sha256=run.weights_sha256
-    )
-    with progress_bar("evaluate", settings.trials * len(settings.methods)) as bar:
-        done = evaluate(factory, settings, on_trial=lambda trial: bar.advance())
-    return {
-        "rows": result_rows(done, objects=objects, methods=settings.methods),
-        "model": str(model),
-        "weights_sha256": run.weights_sha256,
-        "dataset_digest": run.origin.digest,
-        "gripper": gripper,
-        "seed": settings.seed,
-        "threshold": settings.servo.threshold,
-        "methods": [METHODS[name].to_json() for name in settings.methods],
-        "trials": [
-            {
-                "number": t.number,
-                "method": t.method,
-                "success": t.success,
-                "moves": t.moves,
-                "failure": t.failure,
-                "aborted": t.aborted,
-            }
-            for t in done
-        ],
-        "fault": why_nothing_counts(done),
-    }
+    if all(METHODS[name].settings is None for name in methods):
+        raise CommandError("--figure draws servo moves, and none of the methods servoes: name one with --methods")
+    check_figure_path(figure, ".png")
 
 
-def print_results(rows: Sequence[ResultRow]) -> None:
-    """The table of results."""
-    cells = [
-        (
-            row["method"],
-            row["objects"],
-            f"{row['successes']}/{row['trials']}",
-            f"{row['rate']:.1%}" if row["trials"] else "-",
-            f"{row['ci95'][0]:.1%} - {row['ci95'][1]:.1%}" if row["trials"] else "-",
-            str(row["aborted"]),
-            "-" if row["mean_steps"] is None else f"{row['mean_steps']:.1f}",
-            "-" if row["step_ms"] is None else f"{row['step_ms']:.1f}",
-        )
-        for row in rows
-    ]
-    columns = (
-        "method",
-        Column(heading="objects", rank=4),
-        "grasped",
-        "success",
-        Column(heading="95 % interval", rank=1),
-        Column(heading="aborted", rank=2),
-        Column(heading="moves", rank=3),
-        Column(heading="ms/step", rank=5),
-    )
-    print_table(columns, cells)
-    console.print()
+def _print(results: dict[str, Any], *, calibration: bool, causes: bool) -> None:
+    from handsight.cli.wiring import evaluation_tables as tables
+
+    tables.print_results(results["rows"])
+    tables.print_comparisons(results["comparisons"])
+    if calibration:
+        tables.print_calibration(results["calibration"])
+    if causes:
+        tables.print_causes(results["causes"])

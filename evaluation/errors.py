@@ -3,6 +3,7 @@
 EvaluationError
 ├── EvaluationSettingsError (ValueError)   settings out of range
 ├── TrialAbortedError (RuntimeError)       a trial in which nothing was grasped, for no fault of the method
+├── JournalError (ValueError)              a file that is no journal of this evaluation
 └── LabelIssuesError (ValueError)          attempts whose labels cannot be reviewed
 """
 
@@ -17,6 +18,10 @@ class EvaluationSettingsError(EvaluationError, ValueError):
 
 class TrialAbortedError(EvaluationError, RuntimeError):
     """A trial in which nothing was grasped, for no fault of the method."""
+
+
+class JournalError(EvaluationError, ValueError):
+    """A file that is no journal of this evaluation."""
 
 
 class LabelIssuesError(EvaluationError, ValueError):

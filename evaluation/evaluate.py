@@ -89,21 +89,35 @@ class TrialContextFactory:
 
 
 def evaluate(
-    factory: TrialContextFactory, settings: EvaluationSettings, *, on_trial: Callable[[Trial], None] | None = None
+    factory: TrialContextFactory,
+    settings: EvaluationSettings,
+    *,
+    known: Sequence[Trial] = (),
+    on_trial: Callable[[Trial], None] | None = None,
 ) -> list[Trial]:
     """Run every trial with every method; the results do not depend on the number of workers.
+
+    Args:
+        factory: Opens a station and a network in each worker.
+        settings: What to compare.
+        known: Trials of an earlier call with the same settings, which are not run again.
+        on_trial: Called with each new trial, in their order.
+
+    Returns:
+        All trials, the known ones that were asked for among them, in the order of their numbers and methods.
 
     Raises:
         WorkerDiedError: A worker process died.
     """
-    tasks = [(number, method) for number in range(settings.trials) for method in settings.methods]
+    wanted = [(number, method) for number in range(settings.trials) for method in settings.methods]
+    done = {(trial.number, trial.method): trial for trial in known}
     work = partial(_trial, seed=settings.seed, servo=settings.servo)
-    trials = []
-    for trial in map_ordered(factory, work, tasks, workers=settings.workers):
-        trials.append(trial)
+    missing = [task for task in wanted if task not in done]
+    for trial in map_ordered(factory, work, missing, workers=settings.workers):
+        done[trial.number, trial.method] = trial
         if on_trial is not None:
             on_trial(trial)
-    return trials
+    return [done[task] for task in wanted]
 
 
 def record_trial(

@@ -17,9 +17,9 @@ from handsight.datasets import GraspDataset, GraspRepository, Selection, export_
 from handsight.datasets.curation.curator import Curator
 from handsight.datasets.curation.saved_filters import save_filter
 
-READS = "dataset decisions|dataset diff|dataset doctor|dataset info|dataset log|dataset verify|evaluate|objects ls"
+READS = "dataset decisions|dataset diff|dataset doctor|dataset info|dataset log|dataset verify|objects ls"
 DRAWS = "collect picture|dataset ls|dataset show|dataset stats|dataset suspect|heatmap|servo"
-ADDS = "collect sim|dataset export|dataset init|dataset materialize|dataset release"
+ADDS = "collect sim|dataset export|dataset init|dataset materialize|dataset release|evaluate"
 UNTRIED = {
     **dict.fromkeys(READS.split("|"), "changes nothing"),
     **dict.fromkeys(DRAWS.split("|"), "changes nothing but a picture or recording, which the same call makes again"),

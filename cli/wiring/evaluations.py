@@ -1,0 +1,129 @@
+"""What ``handsight evaluate`` and the demo evaluate: a run on object sets, perhaps with a journal to go on from."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from handsight.cli.errors import CommandError
+from handsight.cli.options import DEFAULT_GRIPPER
+from handsight.cli.output import progress_bar
+from handsight.cli.wiring.stations import sim_station
+from handsight.collection.errors import ObjectSetError
+from handsight.collection.sim.station import SimStationFactory
+from handsight.evaluation.evaluate import EvaluationSettings, TrialContextFactory, evaluate
+from handsight.evaluation.journal import Journal, open_journal, trial_to_json
+from handsight.evaluation.report import evaluation_report
+from handsight.evaluation.trial import Trial
+from handsight.servoing.methods.registry import METHODS
+from handsight.training.run import load_run
+
+
+def object_sets(text: str, *, gripper: str = DEFAULT_GRIPPER) -> dict[str, SimStationFactory]:
+    """Stations over the comma-separated sets of ``--objects``, each once, in the order given.
+
+    Raises:
+        ObjectSetError: Some cannot be used; all of them are named.
+        CommandError: None is given.
+    """
+    names = dict.fromkeys(name.strip() for name in text.split(",") if name.strip())
+    if not names:
+        raise CommandError(f"--objects is {text!r}, expected names of object sets with commas between them")
+    stations, faults = {}, []
+    for name in names:
+        try:
+            stations[name] = sim_station(name, gripper=gripper)
+        except ObjectSetError as error:
+            faults.append(str(error))
+    if faults:
+        raise ObjectSetError("; ".join(faults))
+    return stations
+
+
+def evaluate_model(
+    model: Path,
+    objects: str,
+    settings: EvaluationSettings,
+    *,
+    gripper: str = DEFAULT_GRIPPER,
+    out: Path | None = None,
+    against: str | None = None,
+) -> dict[str, Any]:
+    """Run the trials behind a progress bar; returns what ``evaluate --json`` prints.
+
+    Args:
+        model: Folder of the run.
+        objects: Names of object sets, with commas between them.
+        settings: What to compare on each of them.
+        gripper: Name of the gripper.
+        out: Journal to begin or to go on with.
+        against: Reference of the comparisons.
+
+    Raises:
+        ObjectSetError: Sets that cannot be used.
+        JournalError: The journal is one of another evaluation, or none.
+    """
+    stations = object_sets(objects, gripper=gripper)
+    run = load_run(model)
+    decides = {
+        "weights_sha256": run.weights_sha256,
+        "seed": settings.seed,
+        "threshold": settings.servo.threshold,
+        "methods": {name: METHODS[name].to_json() for name in settings.methods},
+        "objects": {name: station.settings() for name, station in stations.items()},
+    }
+    factories = {
+        name: TrialContextFactory(open_station=station, run=model, weights_sha256=run.weights_sha256)
+        for name, station in stations.items()
+    }
+    with _perhaps_journal(out, decides) as journal:
+        trials = _run_trials(factories, settings, journal)
+    report = evaluation_report(
+        trials,
+        methods=settings.methods,
+        closed_width_m=next(iter(stations.values())).config.closed_width_m,
+        threshold=settings.servo.threshold,
+        against=against,
+    )
+    return {
+        **report,
+        "model": str(model),
+        "weights_sha256": run.weights_sha256,
+        "dataset_digest": run.origin.digest,
+        "gripper": gripper,
+        "seed": settings.seed,
+        "threshold": settings.servo.threshold,
+        "methods": [METHODS[name].to_json() for name in settings.methods],
+        "trials": [{"objects": name, **trial_to_json(trial)} for name, some in trials.items() for trial in some],
+    }
+
+
+@contextmanager
+def _perhaps_journal(out: Path | None, decides: dict[str, Any]) -> Iterator[Journal | None]:
+    if out is None:
+        yield None
+        return
+    with open_journal(out, decides) as journal:
+        yield journal
+
+
+def _run_trials(
+    factories: dict[str, TrialContextFactory], settings: EvaluationSettings, journal: Journal | None
+) -> dict[str, Sequence[Trial]]:
+    """The trials of each object set, those that the journal holds taken from there."""
+    each = settings.trials * len(settings.methods)
+    trials: dict[str, Sequence[Trial]] = {}
+    with progress_bar("evaluate", each * len(factories)) as bar:
+        for place, (name, factory) in enumerate(factories.items()):
+            known = [] if journal is None else journal.known(name)
+            bar.reached(each * place + sum(trial.number < settings.trials for trial in known))
+
+            def on_trial(trial: Trial, objects: str = name) -> None:
+                if journal is not None:
+                    journal.append(objects, trial)
+                bar.advance()
+
+            trials[name] = evaluate(factory, settings, known=known, on_trial=on_trial)
+    return trials
