@@ -27,6 +27,7 @@ from handsight.collection.servo_policy import servo_on_station
 from handsight.collection.station import Station
 from handsight.datasets.records import RgbdFrame, SceneObjects, StationSpec
 from handsight.datasets.views import station_view
+from handsight.evaluation.one_look import step_after_one_look
 from handsight.servoing.errors import ImageError, ScoreError
 from handsight.servoing.loop import ServoSettings, ServoTrace
 from handsight.servoing.methods.registry import METHODS
@@ -83,8 +84,11 @@ def run_trial(
     *,
     seed: int,
     settings: ServoSettings,
+    one_look: bool = False,
 ) -> tuple[Trial, TrialRecording | None]:
     """Run trial ``number``; trials of equal seed and number begin alike, whatever the method.
+
+    With ``one_look`` the method takes its first step and grasps without looking again.
 
     Returns:
         The result, and what was seen if there was servoing up to a grasp. A trial is aborted where the scene does not
@@ -98,7 +102,8 @@ def run_trial(
         begin_attempt(progress, UniformPolicy(), streams)
         _check_depth(progress)
         if scorer is not None and METHODS[method].settings is not None:
-            trace = servo_on_station(station, scorer, METHODS[method], settings=settings, rng=streams.servo)
+            servo = step_after_one_look if one_look else servo_on_station
+            trace = servo(station, scorer, METHODS[method], settings=settings, rng=streams.servo)
     except (PhaseError, ImageError, ScoreError) as error:
         return _aborted(number, method, error), None
     trial = _grasped(progress, number, method, trace)
