@@ -66,6 +66,14 @@ def evaluate_command(
             "--out", metavar="FILE", help="Journal of the trials; the same call goes on with it after an interruption."
         ),
     ] = None,
+    disturb: Annotated[
+        str | None,
+        typer.Option(
+            metavar="KIND:SIZE",
+            help="Disturb the station: hand-eye:5mm or depth-noise:4mm; also tries each method with one look.",
+            autocompletion=words("hand-eye:5mm", "depth-noise:4mm"),
+        ),
+    ] = None,
     figure: Annotated[
         Path | None, typer.Option(metavar="FILE.png", help="Draw the trials by their number of servo moves (figure 9).")
     ] = None,
@@ -79,6 +87,7 @@ def evaluate_command(
         check_out_file(out)
     from handsight.cli.wiring.evaluations import evaluate_model
     from handsight.evaluation.comparison import check_reference
+    from handsight.evaluation.disturbance import Disturbance
     from handsight.evaluation.evaluate import EvaluationSettings, method_names
     from handsight.servoing.loop import ServoSettings
     from handsight.servoing.methods.registry import METHODS
@@ -91,9 +100,12 @@ def evaluate_command(
         servo=ServoSettings(threshold=threshold),
     )
     check_reference(against, settings.methods)
+    disturbance = None if disturb is None else Disturbance.parse(disturb)
     if figure is not None:
         _check_figure(figure, settings.methods)
-    results = evaluate_model(model, objects, settings, gripper=gripper, out=out, against=against)
+    results = evaluate_model(
+        model, objects, settings, gripper=gripper, out=out, against=against, disturbance=disturbance
+    )
     if figure is not None:
         from handsight.viz.figures.durations import durations_figure
 
@@ -122,6 +134,8 @@ def _print(results: dict[str, Any], *, calibration: bool, causes: bool) -> None:
 
     tables.print_results(results["rows"])
     tables.print_comparisons(results["comparisons"])
+    if results["disturbance"] is not None:
+        tables.print_one_look(results["one_look"], results["disturbance"])
     if calibration:
         tables.print_calibration(results["calibration"])
     if causes:

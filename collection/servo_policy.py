@@ -97,6 +97,7 @@ def servo_on_station(
     *,
     settings: ServoSettings,
     rng: np.random.Generator,
+    looks: int | None = None,
 ) -> ServoTrace:
     """Servo from wherever the gripper stands. Steps out of reach are not taken.
 
@@ -106,6 +107,7 @@ def servo_on_station(
         method: How to climb its predictions.
         settings: When to stop.
         rng: Source of the method's randomness.
+        looks: Pictures after which is grasped unseen; None for as many as the method needs.
 
     Raises:
         ScoreError: A score of the network is not in [0, 1].
@@ -122,4 +124,4 @@ def servo_on_station(
             return False
         return True
 
-    return servo(look, move, scorer, method, settings=settings, rng=rng)
+    return servo(look, move, scorer, method, settings=settings, rng=rng, looks=looks)

@@ -32,6 +32,8 @@ class EvaluationSettings:
     """Apart from the seeds of collected data, so that evaluation scenes are new."""
     workers: int = 2
     servo: ServoSettings = field(default_factory=ServoSettings)
+    one_look: bool = False
+    """Whether methods take their first step and grasp without looking again."""
 
     def __post_init__(self) -> None:
         check_methods(self.methods)
@@ -111,7 +113,7 @@ def evaluate(
     """
     wanted = [(number, method) for number in range(settings.trials) for method in settings.methods]
     done = {(trial.number, trial.method): trial for trial in known}
-    work = partial(_trial, seed=settings.seed, servo=settings.servo)
+    work = partial(_trial, seed=settings.seed, servo=settings.servo, one_look=settings.one_look)
     missing = [task for task in wanted if task not in done]
     for trial in map_ordered(factory, work, missing, workers=settings.workers):
         done[trial.number, trial.method] = trial
@@ -138,10 +140,10 @@ def record_trial(
     return recording
 
 
-def _trial(context: TrialContext, task: tuple[int, str], *, seed: int, servo: ServoSettings) -> Trial:
+def _trial(context: TrialContext, task: tuple[int, str], *, seed: int, servo: ServoSettings, one_look: bool) -> Trial:
     number, method = task
     scorer = None if method == RANDOM else context.scorer
-    return run_trial(context.station, scorer, method, number, seed=seed, settings=servo)[0]
+    return run_trial(context.station, scorer, method, number, seed=seed, settings=servo, one_look=one_look)[0]
 
 
 def method_names(text: str) -> Sequence[str]:

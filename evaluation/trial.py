@@ -83,8 +83,11 @@ def run_trial(
     *,
     seed: int,
     settings: ServoSettings,
+    one_look: bool = False,
 ) -> tuple[Trial, TrialRecording | None]:
     """Run trial ``number``; trials of equal seed and number begin alike, whatever the method.
+
+    With ``one_look`` the method takes its first step and grasps without looking again.
 
     Returns:
         The result, and what was seen if there was servoing up to a grasp. A trial is aborted where the scene does not
@@ -98,7 +101,10 @@ def run_trial(
         begin_attempt(progress, UniformPolicy(), streams)
         _check_depth(progress)
         if scorer is not None and METHODS[method].settings is not None:
-            trace = servo_on_station(station, scorer, METHODS[method], settings=settings, rng=streams.servo)
+            looks = 1 if one_look else None
+            trace = servo_on_station(
+                station, scorer, METHODS[method], settings=settings, rng=streams.servo, looks=looks
+            )
     except (PhaseError, ImageError, ScoreError) as error:
         return _aborted(number, method, error), None
     trial = _grasped(progress, number, method, trace)

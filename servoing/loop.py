@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import torch
 from torch import Tensor
 
 from handsight.servoing.errors import ServoSettingsError
@@ -84,8 +85,19 @@ def servo(
     *,
     settings: ServoSettings,
     rng: np.random.Generator,
+    looks: int | None = None,
 ) -> ServoTrace:
     """Run the loop from wherever the gripper stands and leave it where the grasp should be executed.
+
+    Args:
+        look: Takes a picture.
+        move: Moves the gripper.
+        scorer: The network.
+        method: How to climb its predictions.
+        settings: When to stop.
+        rng: Source of the method's randomness.
+        looks: Pictures after which is grasped where the last step led, unseen; with 1 the loop is open. None takes as
+            many as the method's steps need.
 
     Returns:
         The trace; its last step's pose is the grasp pose unless the best pose seen was an earlier one.
@@ -106,18 +118,28 @@ def servo(
             proposal = optimiser.propose(objective, score, rng)
         timing = _Timing(look_s=seen - asked, compute_s=time.perf_counter() - seen)
         steps.append(_record(view, pose, score, objective, proposal, timing))
-        if proposal is None or not _move_within_reach(move, pose, proposal.step):
+        reached = None if proposal is None else _move_within_reach(move, pose, proposal.step)
+        if proposal is None or reached is None:
             break
+        if len(steps) == looks:
+            unseen = float(objective(_step(pose.step_to(reached)))[0])
+            return _trace(method, settings, steps, reached, unseen)
     best = max(steps, key=lambda step: step.score)
     if best is not steps[-1] and steps[-1].score < settings.threshold:
         move(best.pose)
+    return _trace(method, settings, steps, best.pose, best.score)
+
+
+def _trace(
+    method: ServoMethod, settings: ServoSettings, steps: Sequence[ServoStep], pose: PlanarPose, score: float
+) -> ServoTrace:
     return ServoTrace(
         method=method.name,
         threshold=settings.threshold,
         steps=tuple(steps),
-        grasp_pose=best.pose,
-        grasp_score=best.score,
-        confident=best.score >= settings.threshold,
+        grasp_pose=pose,
+        grasp_score=score,
+        confident=score >= settings.threshold,
     )
 
 
@@ -129,9 +151,14 @@ class _Timing:
     compute_s: float
 
 
-def _move_within_reach(move: Move, pose: PlanarPose, step: Tensor) -> bool:
-    """Take the step, or a half or a quarter of it where the workspace ends; False when none of them can be reached."""
-    return any(move(pose.after(_planar(share * step))) for share in (1.0, 0.5, 0.25))
+def _move_within_reach(move: Move, pose: PlanarPose, step: Tensor) -> PlanarPose | None:
+    """Take the step, or a half or a quarter of it where the workspace ends.
+
+    Returns:
+        The pose to which it led; None when none of them can be reached.
+    """
+    targets = (pose.after(_planar(share * step)) for share in (1.0, 0.5, 0.25))
+    return next((target for target in targets if move(target)), None)
 
 
 def _record(
@@ -153,3 +180,8 @@ def _record(
 def _planar(step: Tensor) -> PlanarStep:
     dx_m, dy_m, dangle_rad = step.tolist()
     return PlanarStep(dx_m=dx_m, dy_m=dy_m, dangle_rad=dangle_rad)
+
+
+def _step(step: PlanarStep) -> Tensor:
+    """(1, 3)."""
+    return torch.tensor([[step.dx_m, step.dy_m, step.dangle_rad]], dtype=torch.float32)

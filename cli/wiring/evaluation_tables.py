@@ -10,6 +10,7 @@ from handsight.datasets.errors import counted
 from handsight.evaluation.calibration import CalibrationRow
 from handsight.evaluation.causes import CausesRow
 from handsight.evaluation.comparison import ComparisonRow
+from handsight.evaluation.one_look import LoopReport
 from handsight.evaluation.results import ResultRow
 
 
@@ -61,6 +62,13 @@ def print_comparisons(rows: Sequence[ComparisonRow]) -> None:
     ]
     print_table(("method", "against", Column(heading="objects", rank=1), "pairs", "won", "lost", "p"), cells)
     console.print()
+
+
+def print_one_look(report: LoopReport, disturbance: str) -> None:
+    """Methods with one look, and with all of theirs against that."""
+    console.print(f"with one look, disturbed by {disturbance}")
+    print_results(report["rows"])
+    print_comparisons(report["comparisons"])
 
 
 def print_calibration(rows: Sequence[CalibrationRow]) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +12,13 @@ from handsight.cli.errors import CommandError
 from handsight.cli.options import DEFAULT_GRIPPER
 from handsight.cli.output import progress_bar
 from handsight.cli.wiring.stations import sim_station
+from handsight.collection.collector import StationFactory
 from handsight.collection.errors import ObjectSetError
 from handsight.collection.sim.station import SimStationFactory
+from handsight.evaluation.disturbance import Disturbance, DisturbedFactory
 from handsight.evaluation.evaluate import EvaluationSettings, TrialContextFactory, evaluate
 from handsight.evaluation.journal import Journal, open_journal, trial_to_json
+from handsight.evaluation.one_look import loop_report
 from handsight.evaluation.report import evaluation_report
 from handsight.evaluation.trial import Trial
 from handsight.servoing.methods.registry import METHODS
@@ -50,6 +54,7 @@ def evaluate_model(
     gripper: str = DEFAULT_GRIPPER,
     out: Path | None = None,
     against: str | None = None,
+    disturbance: Disturbance | None = None,
 ) -> dict[str, Any]:
     """Run the trials behind a progress bar; returns what ``evaluate --json`` prints.
 
@@ -60,12 +65,17 @@ def evaluate_model(
         gripper: Name of the gripper.
         out: Journal to begin or to go on with.
         against: Reference of the comparisons.
+        disturbance: What is wrong with the stations; each method is then tried with one look too.
 
     Raises:
         ObjectSetError: Sets that cannot be used.
         JournalError: The journal is one of another evaluation, or none.
     """
-    stations = object_sets(objects, gripper=gripper)
+    plain = object_sets(objects, gripper=gripper)
+    stations: dict[str, StationFactory] = {
+        name: station if disturbance is None else DisturbedFactory(open_station=station, disturbance=disturbance)
+        for name, station in plain.items()
+    }
     run = load_run(model)
     decides = {
         "weights_sha256": run.weights_sha256,
@@ -78,12 +88,16 @@ def evaluate_model(
         name: TrialContextFactory(open_station=station, run=model, weights_sha256=run.weights_sha256)
         for name, station in stations.items()
     }
+    servoing = tuple(name for name in settings.methods if METHODS[name].settings is not None)
     with _perhaps_journal(out, decides) as journal:
         trials = _run_trials(factories, settings, journal)
+        opened: dict[str, Sequence[Trial]] = {}
+        if disturbance is not None and servoing:
+            opened = _run_trials(factories, replace(settings, one_look=True, methods=servoing), journal)
     report = evaluation_report(
         trials,
         methods=settings.methods,
-        closed_width_m=next(iter(stations.values())).config.closed_width_m,
+        closed_width_m=next(iter(stations.values())).spec.closed_width_m,
         threshold=settings.servo.threshold,
         against=against,
     )
@@ -97,6 +111,8 @@ def evaluate_model(
         "threshold": settings.servo.threshold,
         "methods": [METHODS[name].to_json() for name in settings.methods],
         "trials": [{"objects": name, **trial_to_json(trial)} for name, some in trials.items() for trial in some],
+        "disturbance": None if disturbance is None else str(disturbance),
+        "one_look": loop_report(trials, opened, methods=servoing),
     }
 
 
@@ -115,14 +131,15 @@ def _run_trials(
     """The trials of each object set, those that the journal holds taken from there."""
     each = settings.trials * len(settings.methods)
     trials: dict[str, Sequence[Trial]] = {}
-    with progress_bar("evaluate", each * len(factories)) as bar:
+    with progress_bar("one look" if settings.one_look else "evaluate", each * len(factories)) as bar:
         for place, (name, factory) in enumerate(factories.items()):
-            known = [] if journal is None else journal.known(name)
+            page = f"{name}, one look" if settings.one_look else name
+            known = [] if journal is None else journal.known(page)
             bar.reached(each * place + sum(trial.number < settings.trials for trial in known))
 
-            def on_trial(trial: Trial, objects: str = name) -> None:
+            def on_trial(trial: Trial, page: str = page) -> None:
                 if journal is not None:
-                    journal.append(objects, trial)
+                    journal.append(page, trial)
                 bar.advance()
 
             trials[name] = evaluate(factory, settings, known=known, on_trial=on_trial)

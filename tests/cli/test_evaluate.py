@@ -132,6 +132,23 @@ def test_the_tables_that_are_asked_for_are_printed(
     assert "first-order  random" in told
 
 
+def test_a_disturbed_station_is_tried_with_one_look_too(
+    model: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "160")
+    scripted(monkeypatch, closed_m=0.0)
+    words = ["evaluate", "--model", str(model), "--trials", "3", "--disturb", "hand-eye:5mm"]
+    assert run([*words, "--json"]) == 0
+    results = json.loads(capsys.readouterr().out)
+    assert results["disturbance"] == "hand-eye:5mm"
+    assert [row["method"] for row in results["one_look"]["rows"]] == ["cem-1, one look", "first-order, one look"]
+    assert [row["pairs"] for row in results["one_look"]["comparisons"]] == [3, 3]
+    assert run(words) == 0
+    assert "with one look, disturbed by hand-eye:5mm" in capsys.readouterr().out
+    assert run([*words, "--methods", "random", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["one_look"] == {"rows": [], "comparisons": []}
+
+
 def mistakes(folder: Path) -> dict[str, tuple[list[str], str]]:
     return {
         "two sets": (["--objects", "x,blocks-test,y"], "unknown object set 'x'"),
@@ -139,6 +156,8 @@ def mistakes(folder: Path) -> dict[str, tuple[list[str], str]]:
         "no set": (["--objects", " , "], "--objects is ' , '"),
         "a reference that is not compared": (["--against", "luck"], "against is 'luck'"),
         "a reference left out": (["--methods", "random", "--against", "cem-1"], "against is 'cem-1'"),
+        "an unknown disturbance": (["--disturb", "luck:5mm"], "disturb is 'luck:5mm'"),
+        "a disturbance without size": (["--disturb", "hand-eye:0mm"], "disturb is 'hand-eye:0mm'"),
         "a folder for a journal": (["--out", str(folder)], "is a folder"),
         "no folder for a journal": (["--out", str(folder / "no" / "t.jsonl")], "--out is"),
         "another file for a journal": (["--out", str(folder / "notes")], "is no journal of an evaluation"),

@@ -153,3 +153,15 @@ def test_the_grid_is_the_scorers() -> None:
     method = ServoMethod(name="test", label="test", settings=Cem(max_steps=1))
     servo(world.look, world.move, scorer, method, settings=ServoSettings(), rng=np.random.default_rng(0))
     assert sizes == {(4, 20, 20)}
+
+
+def test_with_one_look_the_step_is_grasped_unseen() -> None:
+    world = DrawnTable(START)
+    scorer = FunctionScorer(brightness_in_the_middle, GRID)
+    method = ServoMethod(name="test", label="test", settings=Cem())
+    settings, rng = ServoSettings(), np.random.default_rng(0)
+    trace = servo(world.look, world.move, scorer, method, settings=settings, rng=rng, looks=1)
+    assert (len(trace.steps), trace.moves) == (1, 1)
+    assert trace.grasp_pose == world.pose == world.visited[-1]
+    assert trace.grasp_score == pytest.approx(trace.steps[0].predicted, abs=1e-5)
+    assert trace.steps[0].score < trace.grasp_score
