@@ -177,9 +177,7 @@ def test_an_unreachable_move_leaves_the_arm_where_it_is(station: SimStation) -> 
 def test_objects_that_never_rest_abort_the_attempt() -> None:
     hasty = SimStation(SimConfig(settle_limit_s=0.1))
     try:
-        with pytest.raises(
-            SceneUnsettledError, match=rf"settle: .*0\.1 s, .* in {MOST_REDRAWS + 1} scenes"
-        ):
+        with pytest.raises(SceneUnsettledError, match=rf"settle: .*0\.1 s, .* in {MOST_REDRAWS + 1} scenes"):
             hasty.reset(np.random.default_rng(0))
         recorded = attempt(hasty, 0)
     finally:
