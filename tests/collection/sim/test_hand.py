@@ -69,7 +69,7 @@ def test_contact_from_the_side_is_felt(bullet: BulletClient, arm: Arm) -> None:
 
 
 def test_one_finger_pinches_nothing(bullet: BulletClient, arm: Arm) -> None:
-    body = block(bullet, (0.02, 0.02, 0.05), (0.6 + 0.0425 + 0.005, 0.0, HEIGHT_M - 0.05))
+    body = block(bullet, (0.02, 0.02, 0.05), (0.6 + 0.0425 + 0.005, 0.0, HEIGHT_M - 0.048))
     steps(bullet, 20)
     assert arm.hand.contact_force_n > 0
     assert not arm.hand.pinches(body)
