@@ -20,6 +20,8 @@ from handsight.training.gqn import GqnConfig, GraspQualityNetwork
 from handsight.training.run import DataOrigin, save_run
 from handsight.training.trainer import TrainSettings
 
+THREE = ("--methods", "random,cem-1,first-order")
+
 
 @pytest.fixture(scope="module")
 def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
@@ -103,7 +105,7 @@ def test_status_1_with_the_reason_where_every_trial_was_aborted(
     model: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     scripted(monkeypatch, aborted=True, failure="look: the camera is gone")
-    assert run(["evaluate", "--model", str(model), "--trials", "2", "--json"]) == 1
+    assert run(["evaluate", "--model", str(model), *THREE, "--trials", "2", "--json"]) == 1
     captured = capsys.readouterr()
     results = json.loads(captured.out)
     assert [row["trials"] for row in results["rows"]] == [0, 0, 0]
@@ -118,7 +120,7 @@ def test_the_tables_that_are_asked_for_are_printed(
 ) -> None:
     monkeypatch.setenv("COLUMNS", "160")
     scripted(monkeypatch, closed_m=0.0)
-    words = ["evaluate", "--model", str(model), "--trials", "3", "--objects", "blocks-test"]
+    words = ["evaluate", "--model", str(model), *THREE, "--trials", "3", "--objects", "blocks-test"]
     assert run(words) == 0
     plain = capsys.readouterr().out
     assert "McNemar" in plain
@@ -137,7 +139,7 @@ def test_a_disturbed_station_is_tried_with_one_look_too(
 ) -> None:
     monkeypatch.setenv("COLUMNS", "160")
     scripted(monkeypatch, closed_m=0.0)
-    words = ["evaluate", "--model", str(model), "--trials", "3", "--disturb", "hand-eye:5mm"]
+    words = ["evaluate", "--model", str(model), *THREE, "--trials", "3", "--disturb", "hand-eye:5mm"]
     assert run([*words, "--json"]) == 0
     results = json.loads(capsys.readouterr().out)
     assert results["disturbance"] == "hand-eye:5mm"
