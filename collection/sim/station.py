@@ -153,8 +153,8 @@ class SimStation:
                 unsettled += 1
                 if unsettled > MOST_REDRAWS:
                     raise SceneUnsettledError(
-                        f"{error.reason}, and so it went in {unsettled} scenes of {self._config.objects_per_scene} "
-                        "objects; drop fewer, or raise settle_limit_s"
+                        f"{error.reason}, and so it went in {counted(unsettled, 'scene')} of "
+                        f"{counted(self._config.objects_per_scene, 'object')}; drop fewer, or raise settle_limit_s"
                     ) from error
         # The arm stands above what falls, untouched: it costs nothing while it is not there yet.
         self._add_arm()
