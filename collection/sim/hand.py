@@ -108,11 +108,10 @@ class Hand:
         contacts = self._bullet.getContactPoints(bodyA=self._body)
         return float(sum(contact[9] for contact in contacts if contact[2] != self._body))
 
-    def pinches(self, body: int) -> bool:
-        """Whether both fingers touch an object."""
+    def touches(self, body: int) -> bool:
+        """Whether a finger presses on an object."""
         contacts = self._bullet.getContactPoints(bodyA=self._body, bodyB=body)
-        touching = {contact[3] for contact in contacts if contact[9] > 0}
-        return touching >= set(self._fingers)
+        return any(contact[3] in self._fingers and contact[9] > 0 for contact in contacts)
 
     def extend(self) -> None:
         """Put the slide where nothing pushes it, at once."""

@@ -40,10 +40,9 @@ TABLE_SEED = 0
 UNSETTLED_SCENES = "unsettled_scenes"
 """The condition that counts the scenes that were drawn before one came to rest."""
 SHAKE_AMPLITUDE_M = 0.03
-HELD_HEIGHT_M = 0.12
-"""An object whose centre is this far above the table after the lift, 0.25 m up, is held in truth. Tall objects that
-stand on the table have their centres below, and so do long ones that hang from the fingers by one end: the touch of
-both fingers tells these apart."""
+LIFTED_M = 0.02
+"""An object whose lowest point is this far above the table after the lift is off it: held in truth if a finger presses
+on it, and falling otherwise. One finger is enough, for two objects can be held against each other."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -283,9 +282,9 @@ class SimStation:
         return self._arm.hand.width_m
 
     def held_in_truth(self) -> bool:
-        """Whether some object hangs between the fingers or is above the table, gripper lifted."""
-        lifted = self._scene.poses()[:, 2] > HELD_HEIGHT_M
-        return bool(lifted.any()) or any(map(self._arm.hand.pinches, self._scene.bodies))
+        """Whether some object is off the table with a finger pressing on it, gripper lifted."""
+        lifted = [body for body in self._scene.bodies if self._bullet.getAABB(body)[0][2] > LIFTED_M]
+        return any(map(self._arm.hand.touches, lifted))
 
     def _step(self) -> None:
         self._bullet.stepSimulation()

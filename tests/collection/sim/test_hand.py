@@ -60,16 +60,16 @@ def test_an_obstacle_pushes_the_hand_back_and_feels_no_arm(bullet: BulletClient,
 def test_contact_from_the_side_is_felt(bullet: BulletClient, arm: Arm) -> None:
     """Both jaws close on a fixed block between them: no vertical force, and sideways ones that cancel."""
     body = block(bullet, (0.02, 0.05, 0.05), (0.6, 0.0, HEIGHT_M))
-    assert not arm.hand.pinches(body)
+    assert not arm.hand.touches(body)
     arm.hand.drive_fingers(opening_m_s=-0.1)
     steps(bullet, 100)
     assert arm.hand.contact_force_n > 50
-    assert arm.hand.pinches(body)
+    assert arm.hand.touches(body)
     assert arm.hand.width_m == pytest.approx(0.04, abs=1e-3)
 
 
-def test_one_finger_pinches_nothing(bullet: BulletClient, arm: Arm) -> None:
+def test_one_finger_is_touch_enough(bullet: BulletClient, arm: Arm) -> None:
     body = block(bullet, (0.02, 0.02, 0.05), (0.6 + 0.0425 + 0.005, 0.0, HEIGHT_M - 0.048))
     steps(bullet, 20)
     assert arm.hand.contact_force_n > 0
-    assert not arm.hand.pinches(body)
+    assert arm.hand.touches(body)

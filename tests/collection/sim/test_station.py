@@ -220,3 +220,10 @@ def test_the_station_takes_household_objects() -> None:
     # Objects are nearer than the table, and there are colours that no wooden table has.
     assert picture.depth.min() < picture.depth.max() - 15
     assert (picture.rgb.max(axis=2).astype(int) - picture.rgb.min(axis=2) > 120).sum() > 200
+
+
+def test_an_object_that_slipped_and_still_falls_is_not_held(station: SimStation) -> None:
+    """A toothbrush is in mid-air as the lift ends, and no finger is near it."""
+    recorded = run_attempt(station, UniformPolicy(), 32, attempt_seed(777, 32))
+    assert recorded.outcome is Outcome.EMPTY
+    assert not recorded.truth_held
