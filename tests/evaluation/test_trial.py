@@ -68,7 +68,7 @@ def test_scores_that_fail_only_while_servoing_abort_too() -> None:
     station = ScriptedStation()
     trial, _ = run_trial(station, FunctionScorer(score), "cem-1", 0, seed=1, settings=ServoSettings())
     assert trial.aborted
-    assert "1 of 64 scores" in trial.failure
+    assert "1 of 256 scores" in trial.failure
     assert "descend" not in station.calls
 
 
