@@ -70,7 +70,7 @@ def evaluate_command(
         str | None,
         typer.Option(
             metavar="KIND:SIZE",
-            help="What is wrong with the station, hand-eye:5mm or depth-noise:4mm; methods are also tried with one look.",
+            help="Disturb the station; methods are then tried with one look too. hand-eye:5mm or depth-noise:4mm.",
             autocompletion=words("hand-eye:5mm", "depth-noise:4mm"),
         ),
     ] = None,
