@@ -33,6 +33,8 @@ from handsight.servoing.errors import ScoreError
 from handsight.servoing.homography import InputGrid
 from handsight.servoing.loop import ServoSettings
 from handsight.servoing.methods.cem import Cem
+from handsight.servoing.methods.global_first import GlobalFirst, GlobalSearch
+from handsight.servoing.methods.registry import METHODS
 from handsight.servoing.sampling import StepRange
 from handsight.servoing.scorer import GraspScorer
 from handsight.training.gqn import GraspQualityNetwork
@@ -145,8 +147,15 @@ def test_another_network_does_not_repeat_a_session(tmp_path: Path, run: Path, po
         recorded_policy(settings, wider)
 
 
-def test_a_session_of_a_method_tuned_otherwise_is_repeated_as_it_was(run: Path, policy: ServoPolicy) -> None:
-    tuned = replace(policy, method=replace(policy.method, settings=Cem(samples=32, range=StepRange(x_m=0.02))))
+TUNED = {
+    "cem-1": Cem(samples=32, range=StepRange(x_m=0.02)),
+    "global": GlobalFirst(search=GlobalSearch(angles=8, rounds=(6,)), then=Cem(samples=64, range=StepRange(y_m=0.03))),
+}
+
+
+@pytest.mark.parametrize("name", TUNED)
+def test_a_session_of_a_method_tuned_otherwise_is_repeated_as_it_was(run: Path, policy: ServoPolicy, name: str) -> None:
+    tuned = replace(policy, method=replace(METHODS[name], settings=TUNED[name]))
     again = recorded_policy(json.loads(json.dumps(tuned.settings())), run)
     assert isinstance(again, ServoPolicy)
     assert again.method == tuned.method
