@@ -35,6 +35,7 @@ from handsight.servoing.loop import ServoSettings
 from handsight.servoing.methods.cem import Cem
 from handsight.servoing.methods.global_first import GlobalFirst, GlobalSearch
 from handsight.servoing.methods.registry import METHODS
+from handsight.servoing.optimiser import Method
 from handsight.servoing.sampling import StepRange
 from handsight.servoing.scorer import GraspScorer
 from handsight.training.gqn import GraspQualityNetwork
@@ -147,7 +148,7 @@ def test_another_network_does_not_repeat_a_session(tmp_path: Path, run: Path, po
         recorded_policy(settings, wider)
 
 
-TUNED = {
+TUNED: dict[str, Method] = {
     "cem-1": Cem(samples=32, range=StepRange(x_m=0.02)),
     "global": GlobalFirst(search=GlobalSearch(angles=8, rounds=(6,)), then=Cem(samples=64, range=StepRange(y_m=0.03))),
 }
