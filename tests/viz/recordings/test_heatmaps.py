@@ -63,12 +63,19 @@ def test_grid_points_lie_on_their_raw_pixels(content: Content, examples: list[He
             np.testing.assert_allclose(drawn_px, points_px + 0.5, atol=1e-3)
 
 
-def test_the_overlay_covers_the_picture_exactly(content: Content, examples: list[HeatmapExample]) -> None:
-    camera = examples[0].view.camera.intrinsics
-    rows, columns = examples[0].heatmap.scores.shape
+def test_each_cell_of_the_overlay_rests_on_its_pixel_and_they_cover_the_picture(
+    content: Content, examples: list[HeatmapExample]
+) -> None:
+    camera, heatmap = examples[0].view.camera.intrinsics, examples[0].heatmap
     scale = at(content["/picture/heat"]["Transform3D:scale"], 0)[0]
-    assert at(content["/picture/heat"]["Transform3D:translation"], 0)[0] == [0, 0, 0]
-    assert (columns * scale[0], rows * scale[1]) == (camera.width, camera.height)
+    offset = at(content["/picture/heat"]["Transform3D:translation"], 0)[0]
+    sides = ((heatmap.columns_px, camera.width), (heatmap.rows_px, camera.height))
+    for axis, (places_px, side_px) in enumerate(sides):
+        centres_px = offset[axis] + scale[axis] * (np.arange(len(places_px)) + 0.5)
+        np.testing.assert_allclose(centres_px, places_px + 0.5, atol=1e-3)
+        # The lattice is centred: at either side less than a cell is left over.
+        assert abs(offset[axis]) < scale[axis]
+        assert abs(offset[axis] + scale[axis] * len(places_px) - side_px) < scale[axis]
 
 
 def test_the_overlay_has_the_colour_of_each_score(content: Content, examples: list[HeatmapExample]) -> None:
