@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import torch
 from torch import Tensor
 
-from benchmarks import Figure, median_s
+from benchmarks import Figure
+from benchmarks._network import fresh_network, inference_ms
 from handsight.servoing.homography import InputGrid
-from handsight.training.gqn import GqnConfig, GraspQualityNetwork
 from handsight.training.scorer import Scorer
 
 SAMPLES = (64, 96, 128)
@@ -30,28 +28,22 @@ def run() -> list[Figure]:
         torch.set_num_threads(threads)
 
 
-def _network(*, padded: bool) -> GraspQualityNetwork:
-    with torch.random.fork_rng(devices=()):
-        torch.manual_seed(0)
-        return GraspQualityNetwork(GqnConfig(padded=padded)).eval()
-
-
 def _inputs(count: int, *shape_px: int) -> Tensor:
     return torch.rand(count, 4, *shape_px, generator=torch.Generator().manual_seed(0))
 
 
 def _forward(samples: int) -> Figure:
-    inputs, network = _inputs(samples, 64, 64), _network(padded=False)
+    inputs, network = _inputs(samples, 64, 64), fresh_network()
     folded, bfloat16 = Scorer(network, InputGrid()), Scorer(network, InputGrid(), precision="bfloat16")
-    padded = _network(padded=True)
+    padded = fresh_network(padded=True)
     return Figure(
         name=f"forward pass of {samples} samples",
-        ours=_inference_ms(lambda: folded(inputs)),
+        ours=inference_ms(lambda: folded(inputs)),
         unit="ms",
         peers={
-            "bfloat16": _inference_ms(lambda: bfloat16(inputs)),
-            "not folded": _inference_ms(lambda: torch.sigmoid(network(inputs))),
-            "padded, not folded": _inference_ms(lambda: torch.sigmoid(padded(inputs))),
+            "bfloat16": inference_ms(lambda: bfloat16(inputs)),
+            "not folded": inference_ms(lambda: torch.sigmoid(network(inputs))),
+            "padded, not folded": inference_ms(lambda: torch.sigmoid(padded(inputs))),
         },
         n=samples,
         what=(
@@ -64,7 +56,7 @@ def _forward(samples: int) -> Figure:
 def _map(rows: int, columns: int, every: int) -> Figure:
     size_px = InputGrid().size_px
     (picture,) = _inputs(1, size_px + every * (rows - 1), size_px + every * (columns - 1))
-    network = _network(padded=False)
+    network = fresh_network()
     scorer, bfloat16 = Scorer(network, InputGrid()), Scorer(network, InputGrid(), precision="bfloat16")
     windows = picture.unfold(1, size_px, every).unfold(2, size_px, every)
     corners = [(row, column) for row in range(rows) for column in range(columns)]
@@ -75,16 +67,12 @@ def _map(rows: int, columns: int, every: int) -> Figure:
 
     return Figure(
         name=f"map of {rows}x{columns} windows, every {every} px",
-        ours=_inference_ms(lambda: scorer.score_map(picture, every=every)),
+        ours=inference_ms(lambda: scorer.score_map(picture, every=every)),
         unit="ms",
         peers={
-            "bfloat16": _inference_ms(lambda: bfloat16.score_map(picture, every=every)),
-            "window by window": 1000 * median_s(torch.inference_mode()(one_by_one), runs=1, warm_up=False),
+            "bfloat16": inference_ms(lambda: bfloat16.score_map(picture, every=every)),
+            "window by window": inference_ms(one_by_one, runs=1, warm_up=False),
         },
         n=rows * columns,
         what=f"Scores of all windows of a picture, {every} px apart, by shared convolutions; peer in batches of 256.",
     )
-
-
-def _inference_ms(action: Callable[[], object]) -> float:
-    return 1000 * median_s(torch.inference_mode()(action), runs=15)

@@ -10,25 +10,19 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from benchmarks import Figure, median_s
-from handsight.servoing.camera import HandCamera, Intrinsics
+from benchmarks import Figure
+from benchmarks._network import fresh_network, inference_ms
+from handsight.collection.sim.config import D435_ON_GRIPPER
 from handsight.servoing.heatmap import grasp_heatmap
 from handsight.servoing.homography import InputGrid
 from handsight.servoing.methods.registry import METHODS
 from handsight.servoing.objective import Objective
 from handsight.servoing.view import View
-from handsight.training.gqn import GqnConfig, GraspQualityNetwork
 from handsight.training.scorer import Scorer
 
 THREADS = (1, 2)
 PAPER_MS = {"first-order": 47.0, "gauss-newton": 62.0, "second-order": 89.0, "cem-1": 204.0, "cem-5": 985.0}
 """Table I, on a GTX 1080 Ti."""
-CAMERA = HandCamera(
-    intrinsics=Intrinsics.from_vertical_fov(width=640, height=480, fov_y_rad=0.742),
-    x_tool_camera_m=0.0,
-    y_tool_camera_m=-0.055,
-    z_tool_camera_m=-0.1,
-)
 
 
 def run() -> list[Figure]:
@@ -46,14 +40,12 @@ def run() -> list[Figure]:
 
 
 def _scorer() -> Scorer:
-    with torch.random.fork_rng(devices=()):
-        torch.manual_seed(0)
-        return Scorer(GraspQualityNetwork(GqnConfig()).eval(), InputGrid())
+    return Scorer(fresh_network(), InputGrid())
 
 
 def _view() -> View:
     """A table with boxes on it, and a camera that misses some depth, as a D435 does."""
-    k = CAMERA.intrinsics
+    k = D435_ON_GRIPPER.intrinsics
     rng = np.random.default_rng(0)
     rgb = np.full((k.height, k.width, 3), 120, np.uint8)
     depth_m = np.full((k.height, k.width), 0.45, np.float32)
@@ -62,7 +54,7 @@ def _view() -> View:
         rgb[row : row + 80, column : column + 60] = rng.integers(0, 256, 3)
         depth_m[row : row + 80, column : column + 60] -= np.float32(0.05)
     depth_m[rng.random(depth_m.shape) < 0.01] = 0
-    return View(rgb=rgb, depth_m=depth_m, camera=CAMERA)
+    return View(rgb=rgb, depth_m=depth_m, camera=D435_ON_GRIPPER)
 
 
 def _step(name: str, threads: int) -> Figure:
@@ -74,15 +66,17 @@ def _step(name: str, threads: int) -> Figure:
         proposal = method.begin().propose(objective, objective.score_here(), np.random.default_rng(0))
         looked_at.append(len(proposal.scores))
 
-    ours_ms = _ms(step)
+    ours_ms = inference_ms(step)
     settings = method.settings
     batch, passes = getattr(settings, "samples", 0), getattr(settings, "iterations", 1)
     floor_ms = None
     if batch:
         inputs = torch.rand(batch, 4, 64, 64, generator=torch.Generator().manual_seed(0))
-        floor_ms = _ms(lambda: [scorer(inputs) for _ in range(passes)])
+        floor_ms = inference_ms(lambda: [scorer(inputs) for _ in range(passes)])
     peers = (
-        {} if threads > 1 or not batch else {"OpenCV warps + forward": passes * _ms(_by_opencv(view, scorer, batch))}
+        {}
+        if threads > 1 or not batch
+        else {"OpenCV warps + forward": passes * inference_ms(_by_opencv(view, scorer, batch))}
     )
     if name in PAPER_MS:
         peers["paper, GTX 1080 Ti"] = PAPER_MS[name]
@@ -130,13 +124,9 @@ def _heatmap() -> Figure:
 
     return Figure(
         name="heatmap of every network pixel, 1 thread",
-        ours=_ms(lambda: grasp_heatmap(view, scorer, spacing_px=6)),
+        ours=inference_ms(lambda: grasp_heatmap(view, scorer, spacing_px=6)),
         unit="ms",
-        peers={"crop by crop": 1000 * median_s(torch.inference_mode()(crop_by_crop), runs=1, warm_up=False)},
+        peers={"crop by crop": inference_ms(crop_by_crop, runs=1, warm_up=False)},
         n=points,
         what="All positions of a 640x480 picture at one angle.",
     )
-
-
-def _ms(action: Callable[[], object]) -> float:
-    return 1000 * median_s(torch.inference_mode()(action), runs=15)

@@ -53,7 +53,7 @@ class Trial:
     score: float | None = None
     """Predicted success at the pose that was grasped; None for random grasps."""
     contact_force_n: float | None = None
-    """Upward force that ended the descent [N]; 0 where it ended at table height, None where it did not end."""
+    """Force of the contact that ended the descent [N]; 0 where it ended at table height, None where it did not end."""
     contact_height_m: float | None = None
     """Height of the fingertips above the table where the descent ended [m]."""
     closed_m: float | None = None

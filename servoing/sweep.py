@@ -95,11 +95,18 @@ def score_windows(scorer: GraspScorer, picture: Tensor, *, every: int) -> Tensor
     """The scores of all windows of a picture, in one pass where the scorer can. (4, H, W) -> (R, C)."""
     if isinstance(scorer, MapScorer):
         return scorer.score_map(picture, every=every)
+    return score_each_window(scorer, picture, every=every)
+
+
+def score_each_window(scorer: GraspScorer, picture: Tensor, *, every: int) -> Tensor:
+    """The same, window by window. Only a batch of them is copied at a time. (4, H, W) -> (R, C)."""
     size_px = scorer.grid.size_px
     windows = picture.unfold(1, size_px, every).unfold(2, size_px, every)  # (4, R, C, size, size)
     rows, columns = windows.shape[1:3]
-    flat = windows.permute(1, 2, 0, 3, 4).reshape(rows * columns, *picture.shape[:1], size_px, size_px)
-    return torch.cat([scorer(batch) for batch in flat.split(_CROPS)]).reshape(rows, columns)
+    corners = [(row, column) for row in range(rows) for column in range(columns)]
+    batches = [corners[start : start + _CROPS] for start in range(0, len(corners), _CROPS)]
+    scores = [scorer(torch.stack([windows[:, row, column] for row, column in batch])) for batch in batches]
+    return torch.cat(scores).reshape(rows, columns)
 
 
 def _centred(corners_m: list[float], pitch_m: float) -> Tensor:

@@ -6,13 +6,11 @@ import torch
 from torch import Tensor
 
 from handsight.servoing.homography import InputGrid
+from handsight.servoing.sweep import score_each_window
 from handsight.training.errors import NetworkSettingsError, PictureError
 from handsight.training.folded import folded
 from handsight.training.gqn import GraspQualityNetwork
 from handsight.training.precision import Precision, dtype_for
-
-_CROPS = 256
-"""Crops that a network with padding scores at once."""
 
 
 class Scorer:
@@ -68,15 +66,6 @@ class Scorer:
             )
         with torch.set_grad_enabled(torch.is_grad_enabled() and picture.requires_grad):
             if self._folded.config.padded:
-                return self._score_each(picture, every)
+                # The border of each window is its own.
+                return score_each_window(self, picture, every=every)
             return torch.sigmoid(self._folded.logits_map(picture, every=every))
-
-    def _score_each(self, picture: Tensor, every: int) -> Tensor:
-        """Window by window: the border of each is its own. (4, H, W) -> (R, C)."""
-        size_px = self.grid.size_px
-        windows = picture.unfold(1, size_px, every).unfold(2, size_px, every)  # (4, R, C, size, size)
-        rows, columns = windows.shape[1:3]
-        corners = [(row, column) for row in range(rows) for column in range(columns)]
-        batches = [corners[start : start + _CROPS] for start in range(0, len(corners), _CROPS)]
-        scores = [self(torch.stack([windows[:, row, column] for row, column in batch])) for batch in batches]
-        return torch.cat(scores).reshape(rows, columns)
