@@ -3,7 +3,8 @@
 Icechunk reads on threads of its own, and they answer in Python. After an error there may be answers on their way, and
 one that comes while Python takes itself apart ends the process with a panic of that thread, or with SIGABRT and exit
 status 134 instead of that of the command. Icechunk has no call that waits for its threads, so Python is not taken
-apart once they have been started.
+apart once they have been started. Nor is the event loop of Zarr closed, which Zarr would do at the end: answers to a
+closed loop are tracebacks on standard error.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import sys
 from typing import NoReturn
 
 _ENGINE = "icechunk"
+_LOOP = "zarr.core.sync"
 _READER_GONE = 1
 _UNWRITTEN = 2
 
@@ -25,6 +27,8 @@ def leave(status: int) -> NoReturn:
     """
     if _ENGINE not in sys.modules:
         sys.exit(status)
+    if (loop := sys.modules.get(_LOOP)) is not None:
+        atexit.unregister(loop.cleanup_resources)
     atexit._run_exitfuncs()
     os._exit(_flushed(status))
 
