@@ -47,7 +47,7 @@ from handsight.servoing.methods.registry import METHODS
 from handsight.training.metrics import Metrics
 from handsight.training.run import load_run
 from handsight.training.run_folder import RUN_RECORD
-from handsight.training.trainer import TrainSettings
+from handsight.training.settings import TrainSettings
 from handsight.viz.figures.results import results_figure
 from handsight.viz.recordings.heatmaps import write_heatmaps
 
@@ -156,10 +156,19 @@ def _train(paths: DemoPaths, release: str, settings: TrainSettings, tell: Output
     _headline("2  Train the Grasp Quality Network", tell)
     address = f"{paths.dataset}@{release}"
     dataset = GraspDataset.open(address)
-    if not (paths.run / RUN_RECORD).exists() or load_run(paths.run).origin.digest != dataset.digest:
-        train_to_folder(dataset, address, paths.run, settings, viewpoint=DEFAULT_VIEWPOINT, overwrite=True)
-    held_out = Metrics(**load_run(paths.run).record["history"][-1]["held_out"])
+    if not (paths.run / RUN_RECORD).exists() or not _was_trained_on(paths.run, dataset):
+        train_to_folder({address: dataset}, paths.run, settings, viewpoints=[DEFAULT_VIEWPOINT], overwrite=True)
+    record = load_run(paths.run).record
+    held_out = Metrics(**record["history"][record["kept_epoch"] - 1]["held_out"])
     tell.print(f"   {paths.run}: {describe(held_out)}")
+
+
+def _was_trained_on(run: Path, dataset: GraspDataset) -> bool:
+    """Whether the run is of this version and of nothing else, and of a handsight that says which pass it kept."""
+    trained = load_run(run)
+    return {origin.digest for origin in trained.origins} == {dataset.digest} and trained.record.get(
+        "kept_epoch"
+    ) is not None
 
 
 def _evaluate(paths: DemoPaths, settings: EvaluationSettings, gripper: str, tell: Output) -> dict[str, Any]:

@@ -51,6 +51,14 @@ Dataset = Annotated[
         metavar="DATASET[@REF]", help="Dataset folder, optionally at a version.", autocompletion=complete_version
     ),
 ]
+Datasets = Annotated[
+    list[str],
+    typer.Argument(
+        metavar="DATASET[@REF]...",
+        help="Dataset folders, each optionally at a version.",
+        autocompletion=complete_version,
+    ),
+]
 DatasetPath = Annotated[
     str,
     typer.Argument(metavar="DATASET", help="Dataset folder, or s3://bucket/prefix.", autocompletion=complete_dataset),

@@ -1,14 +1,16 @@
-"""``handsight train``: a Grasp Quality Network from a dataset."""
+"""``handsight train``: a Grasp Quality Network from one or more datasets."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from handsight.cli.errors import CommandError
 from handsight.cli.opening import checked_address, open_version
-from handsight.cli.options import MOST_EPOCHS, Dataset, DryRun, Json, Seed
+from handsight.cli.options import MOST_EPOCHS, Datasets, DryRun, Json, Seed
 from handsight.cli.output import bold, console, print_json, progress_bar
 from handsight.datasets.errors import counted
 from handsight.datasets.inputs.viewpoint import DEFAULT_VIEWPOINT
@@ -20,18 +22,29 @@ if TYPE_CHECKING:
     from handsight.datasets.reading.reader import GraspDataset
     from handsight.servoing.homography import InputGrid
     from handsight.training.metrics import Metrics
-    from handsight.training.trainer import Epoch, TrainSettings
+    from handsight.training.run import DataOrigin
+    from handsight.training.settings import TrainSettings
+    from handsight.training.trainer import Epoch, Trained
+
+ViewpointName = Literal["overhead", "pregrasp"]
 
 
 def train_command(
-    dataset: Dataset,
+    datasets: Datasets,
     out: Annotated[Path, typer.Option("--out", metavar="RUN", help="Folder for the trained run.")],
     channels: Annotated[Literal["rgbd", "rgb", "depth"], typer.Option(help="What the network reads.")] = "rgbd",
-    epochs: Annotated[int, typer.Option(max=MOST_EPOCHS, help="Passes over the data.")] = 20,
+    epochs: Annotated[
+        int,
+        typer.Option(max=MOST_EPOCHS, help="Most passes over the data; fewer once held-out attempts say so."),
+    ] = 40,
     batch: Annotated[int, typer.Option(max=1_000_000, help="Inputs per step.")] = 200,
-    viewpoint: Annotated[
-        Literal["overhead", "pregrasp"], typer.Option(help="Picture that is warped to the grasp.")
-    ] = DEFAULT_VIEWPOINT,
+    viewpoints: Annotated[
+        list[ViewpointName] | None,
+        typer.Option(
+            "--viewpoint",
+            help=f"Picture that is warped to the grasp; {DEFAULT_VIEWPOINT} unless given, may be given twice.",
+        ),
+    ] = None,
     seed: Seed = 0,
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Replace a run that is there, once the new one is trained.")
@@ -39,34 +52,77 @@ def train_command(
     dry_run: DryRun = False,
     as_json: Json = False,
 ) -> None:
-    """Train a network on a version of a dataset (section V-A)."""
-    checked_address(dataset)
+    """Train a network on a version of a dataset, or on several (section V-A).
+
+    Training ends when the loss on attempts that were held out no longer falls, and keeps the network that was best.
+    """
+    _check_named_once(datasets)
+    for dataset in datasets:
+        checked_address(dataset)
     check_run_folder(out, overwrite=overwrite)
     from handsight.training.gqn import GqnConfig
-    from handsight.training.trainer import TrainSettings
+    from handsight.training.settings import TrainSettings
 
     settings = TrainSettings(network=GqnConfig(channels=channels), epochs=epochs, batch=batch, seed=seed)
-    opened = open_version(dataset)
+    opened = {dataset: open_version(dataset) for dataset in datasets}
+    pictures: list[ViewpointName] = list(dict.fromkeys(viewpoints or [DEFAULT_VIEWPOINT]))
     if dry_run:
-        _print_plan(opened, out, viewpoint, as_json=as_json)
+        _print_plan(opened, out, pictures, as_json=as_json)
         return
-    final = train_to_folder(opened, dataset, out, settings, viewpoint=viewpoint, overwrite=overwrite)
+    trained = train_to_folder(opened, out, settings, viewpoints=pictures, overwrite=overwrite)
     if as_json:
-        print_json({"run": out, "epoch": final})
+        print_json({"run": out, "epoch": trained.kept})
     else:
-        console.print(bold(out), f": {describe(final.held_out)}")
+        passes = f"pass {trained.kept.number} of {len(trained.history)} kept"
+        console.print(bold(out), f": {describe(trained.kept.held_out)}; {passes}")
 
 
-def _print_plan(dataset: GraspDataset, out: Path, viewpoint: Literal["overhead", "pregrasp"], *, as_json: bool) -> None:
+def _check_named_once(datasets: Sequence[str]) -> None:
+    twice = sorted({name for name in datasets if datasets.count(name) > 1})
+    if twice:
+        raise CommandError(f"{', '.join(twice)} is named more than once, expected every version once")
+
+
+def _print_plan(
+    datasets: Mapping[str, GraspDataset], out: Path, viewpoints: Sequence[ViewpointName], *, as_json: bool
+) -> None:
     """What there is to learn from, and whether a run would make room for the new one."""
-    from handsight.datasets.inputs.materialize import usable_attempts
-
-    attempts, replaces = len(usable_attempts(dataset, viewpoint)), (out / RUN_RECORD).is_file()
+    parts = {(name, view): usable for name, view, usable in _usable(datasets, viewpoints)}
+    inputs, replaces = sum(parts.values()), (out / RUN_RECORD).is_file()
     if as_json:
-        print_json({"run": out, "epoch": None, "attempts": attempts, "replaces": replaces})
+        listed = [{"dataset": name, "view": view, "attempts": usable} for (name, view), usable in parts.items()]
+        print_json({"run": out, "epoch": None, "attempts": inputs, "parts": listed, "replaces": replaces})
         return
     instead = ", in place of the run that is there" if replaces else ""
-    console.print(f"would train on {counted(attempts, 'attempt')} and write ", bold(out), instead)
+    if len(parts) > 1:
+        for (name, view), usable in parts.items():
+            console.print(f"{name}: {counted(usable, 'attempt')}, {view} picture")
+    what = counted(inputs, "attempt") if len(parts) == 1 else f"{counted(inputs, 'picture')} in all"
+    console.print(f"would train on {what} and write ", bold(out), instead)
+
+
+def _usable(
+    datasets: Mapping[str, GraspDataset], viewpoints: Sequence[ViewpointName]
+) -> list[tuple[str, ViewpointName, int]]:
+    """What each dataset has of each picture. One of them is enough: on-policy data may have what others lack.
+
+    Raises:
+        NoTrainingDataError: A dataset has no labelled attempt with any of the pictures.
+    """
+    from handsight.datasets.errors import NoTrainingDataError
+    from handsight.datasets.inputs.materialize import usable_attempts
+
+    found: list[tuple[str, ViewpointName, int]] = []
+    for name, dataset in datasets.items():
+        faults: list[NoTrainingDataError] = []
+        for view in viewpoints:
+            try:
+                found.append((name, view, len(usable_attempts(dataset, view))))
+            except NoTrainingDataError as error:
+                faults.append(error)
+        if len(faults) == len(viewpoints):
+            raise faults[0]
+    return found
 
 
 def describe(held_out: Metrics) -> str:
@@ -78,40 +134,71 @@ def describe(held_out: Metrics) -> str:
 
 
 def train_to_folder(
-    dataset: GraspDataset,
-    name: str,
+    datasets: Mapping[str, GraspDataset],
     out: Path,
     settings: TrainSettings,
     *,
-    viewpoint: Literal["overhead", "pregrasp"],
+    viewpoints: Sequence[ViewpointName],
     overwrite: bool = False,
-) -> Epoch:
-    """Materialize, train and save behind progress bars; returns the last epoch.
+) -> Trained:
+    """Materialize, train and save behind progress bars.
 
     A run that is there is replaced at the end, if at all.
+
+    Args:
+        datasets: Versions by the names that the run is to give them.
+        out: Folder of the run.
+        settings: The recipe.
+        viewpoints: Pictures that are warped to the grasp, all that a dataset has of these.
+        overwrite: Whether a run may be replaced.
     """
     check_run_folder(out, overwrite=overwrite)
+    from handsight.datasets.inputs.mixture import mixed
     from handsight.servoing.homography import InputGrid
-    from handsight.training.run import DataOrigin, save_run
+    from handsight.training.run import save_run
     from handsight.training.trainer import train
 
     grid = InputGrid(size_px=settings.network.size_px)
-    data = _materialize(dataset, viewpoint, grid)
+    wanted = _usable(datasets, viewpoints)
+    parts = [_materialize(datasets[name], view, grid) for name, view, _ in wanted]
+    origins = [
+        _origin(datasets[name], name, view, len(part.attempts))
+        for (name, view, _), part in zip(wanted, parts, strict=True)
+    ]
     with progress_bar("train", settings.epochs) as bar:
-        network, history = train(data, settings, on_epoch=lambda epoch: bar.advance(f"loss {epoch.train_loss:.3f}"))
-    origin = DataOrigin(
+        trained = train(mixed(parts), settings, on_epoch=lambda epoch: bar.advance(_losses(epoch)))
+    save_run(
+        out,
+        trained.network,
+        origins=origins,
+        grid=grid,
+        settings=settings,
+        history=trained.history,
+        kept_epoch=trained.kept.number,
+        overwrite=overwrite,
+    )
+    return trained
+
+
+def _losses(epoch: Epoch) -> str:
+    held_out = epoch.held_out.loss
+    return f"loss {epoch.train_loss:.3f}" + ("" if held_out is None else f", held out {held_out:.3f}")
+
+
+def _origin(dataset: GraspDataset, name: str, view: ViewpointName, attempts: int) -> DataOrigin:
+    from handsight.training.run import DataOrigin
+
+    return DataOrigin(
         dataset=name,
         ref=dataset.ref,
         snapshot=dataset.snapshot_id,
         digest=dataset.digest,
-        view=viewpoint,
-        attempts=len(data.attempts),
+        view=view,
+        attempts=attempts,
     )
-    save_run(out, network, origin=origin, grid=grid, settings=settings, history=history, overwrite=overwrite)
-    return history[-1]
 
 
-def _materialize(dataset: GraspDataset, viewpoint: Literal["overhead", "pregrasp"], grid: InputGrid) -> GraspInputs:
+def _materialize(dataset: GraspDataset, viewpoint: ViewpointName, grid: InputGrid) -> GraspInputs:
     from handsight.datasets.inputs.materialize import materialize
 
     with progress_bar("warp", len(dataset.attempts)) as bar:

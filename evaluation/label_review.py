@@ -23,7 +23,7 @@ from handsight.evaluation.errors import EvaluationError, EvaluationSettingsError
 from handsight.evaluation.label_issues import LabelIssue
 from handsight.training.cross_validation import check_folds
 from handsight.training.errors import TrainingError
-from handsight.training.trainer import TrainSettings
+from handsight.training.settings import TrainSettings
 
 FOLDS = 3
 """Folds made when no stored ones are named: with more, each network sees a little more and all take longer."""

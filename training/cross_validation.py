@@ -11,16 +11,18 @@ import torch
 from numpy.typing import NDArray
 
 from handsight.datasets.errors import counted
-from handsight.datasets.inputs.materialize import GraspInputs
+from handsight.datasets.inputs.mixture import LabelledInputs
 from handsight.training.errors import TrainingDataError
 from handsight.training.metrics import Metrics, evaluate_scores
-from handsight.training.trainer import Epoch, TrainSettings, predict_with_flips, train
+from handsight.training.prediction import predict_with_flips
+from handsight.training.settings import TrainSettings
+from handsight.training.trainer import Epoch, train
 
 _FAULTS_LISTED = 5
 
 
 def out_of_fold_scores(
-    data: GraspInputs,
+    data: LabelledInputs,
     fold_of_attempt: NDArray[np.integer[Any]],
     settings: TrainSettings,
     *,
@@ -52,7 +54,7 @@ def out_of_fold_scores(
     for fold in np.unique(fold_of_attempt).tolist():
         others = np.flatnonzero(fold_of_attempt != fold)
         held_out = np.flatnonzero(fold_of_attempt == fold)
-        network, _ = train(data, recipe, rows=others, on_epoch=on_epoch)
+        network = train(data, recipe, rows=others, on_epoch=on_epoch).network
         scores[held_out] = predict_with_flips(network, data.inputs, torch.from_numpy(held_out))
         if on_fold is not None:
             on_fold(fold, evaluate_scores(scores[held_out], data.labels[held_out]))

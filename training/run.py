@@ -23,9 +23,10 @@ from handsight.training.run_folder import (
     check_run_folder,
     remove_unfinished,
 )
-from handsight.training.run_record import RUN_VERSION, WEIGHTS_SHA256, read_record, sealed
+from handsight.training.run_record import RUN_VERSION, WEIGHTS_SHA256, origins_of, read_record, sealed
 from handsight.training.scorer import Scorer
-from handsight.training.trainer import Epoch, TrainSettings
+from handsight.training.settings import TrainSettings
+from handsight.training.trainer import Epoch
 from handsight.training.weights import read_weights, write_next_weights
 
 
@@ -61,7 +62,8 @@ class TrainedRun:
     """A trained network with its provenance."""
 
     network: GraspQualityNetwork
-    origin: DataOrigin
+    origins: tuple[DataOrigin, ...]
+    """One for each version and picture; there is at least one."""
     grid: InputGrid
     weights_sha256: str
     """Of the file of weights: which network it is, whatever its folder is called."""
@@ -81,10 +83,11 @@ def save_run(
     folder: Path,
     network: GraspQualityNetwork,
     *,
-    origin: DataOrigin,
+    origins: Sequence[DataOrigin],
     grid: InputGrid,
     settings: TrainSettings,
-    history: Sequence[Epoch],
+    history: Sequence[Epoch] = (),
+    kept_epoch: int | None = None,
     overwrite: bool = False,
 ) -> None:
     """Write weights and record, so that at any moment the folder holds the old run or the new one, whole.
@@ -95,18 +98,22 @@ def save_run(
     Args:
         folder: Where to; made where it is missing.
         network: What was trained.
-        origin: What it was trained on.
+        origins: What it was trained on; at least one.
         grid: Crop and size of its inputs.
         settings: How it was trained.
         history: How the training went.
+        kept_epoch: After which pass the network was kept.
         overwrite: Whether to replace a run that is there.
 
     Raises:
         CheckpointError: The folder holds a run, and ``overwrite`` is not set; or other things.
         NetworkSettingsError: The network is not that of the settings, or reads inputs of another size.
+        ValueError: There is no origin.
         OSError: The disk is full or not writable.
     """
     check_run_folder(folder, overwrite=overwrite)
+    if not origins:
+        raise ValueError("there is no origin, expected one for each version that the network was trained on")
     if network.config != settings.network or network.config.size_px != grid.size_px:
         raise NetworkSettingsError(
             f"the network is {network.config}, the settings have {settings.network} and inputs {grid.size_px} px, "
@@ -115,7 +122,7 @@ def save_run(
     folder.mkdir(parents=True, exist_ok=True)
     weights_sha256 = write_next_weights(folder, network)
     record = sealed(
-        {**_record(network, origin, grid, settings, history), WEIGHTS_SHA256: weights_sha256},
+        {**_record(network, origins, grid, settings), **_progress(history, kept_epoch), WEIGHTS_SHA256: weights_sha256},
     )
     with atomic_file(folder / RUN_RECORD, durable=True) as unfinished:
         unfinished.write_text(json.dumps(record, indent=2, allow_nan=False) + "\n", encoding="utf-8")
@@ -140,7 +147,7 @@ def load_run(folder: str | Path) -> TrainedRun:
     return TrainedRun(
         # Nobody trains it further, and a gradient that is asked for its inputs need not be computed for its weights.
         network=network.eval().requires_grad_(False),
-        origin=DataOrigin.from_json(record["origin"]),
+        origins=tuple(DataOrigin.from_json(origin) for origin in origins_of(record)),
         grid=grid,
         weights_sha256=weights_sha256,
         record=record,
@@ -159,20 +166,19 @@ def load_scorer(folder: str | Path, *, precision: Precision = "float32") -> Scor
 
 
 def _record(
-    network: GraspQualityNetwork,
-    origin: DataOrigin,
-    grid: InputGrid,
-    settings: TrainSettings,
-    history: Sequence[Epoch],
+    network: GraspQualityNetwork, origins: Sequence[DataOrigin], grid: InputGrid, settings: TrainSettings
 ) -> dict[str, Any]:
-    """``run.json`` but for its hashes."""
+    """``run.json`` but for how the training went, and its hashes."""
     return {
         "run_version": RUN_VERSION,
         "handsight": __version__,
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
-        "origin": origin.to_json(),
+        "origins": [origin.to_json() for origin in origins],
         "grid": asdict(grid),
         "settings": {**asdict(settings), "network": settings.network.to_json()},
         "parameters": sum(parameter.numel() for parameter in network.parameters()),
-        "history": [asdict(epoch) for epoch in history],
     }
+
+
+def _progress(history: Sequence[Epoch], kept_epoch: int | None) -> dict[str, Any]:
+    return {"history": [asdict(epoch) for epoch in history], "kept_epoch": kept_epoch}

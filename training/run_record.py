@@ -14,21 +14,25 @@ import reprlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, NoReturn, get_args
 
+from handsight.datasets.errors import counted
 from handsight.datasets.format.checks import number, one_of, or_null, text, truth, whole
 from handsight.servoing.errors import ServoSettingsError
 from handsight.servoing.homography import InputGrid
 from handsight.training.errors import CheckpointError, NetworkSettingsError
 from handsight.training.gqn import CHANNEL_SETS, GqnConfig
+from handsight.training.precision import Precision
 
-RUN_VERSION = 1
+RUN_VERSION = 2
+"""Version 2 has a list of origins, where version 1 had one."""
 WEIGHTS_SHA256 = "weights_sha256"
 RECORD_SHA256 = "record_sha256"
 """Of everything in the record but the keys that end in ``_sha256``, as JSON with sorted keys."""
 
 LARGEST_RECORD_BYTES = 16 << 20
 """A record has a few hundred bytes for each epoch."""
+MOST_ORIGINS = 1000
 _FAULTS_LISTED = 8
 
 
@@ -55,7 +59,7 @@ def read_record(path: Path) -> tuple[dict[str, Any], GqnConfig, InputGrid]:
     record = _parse(path)
     if isinstance(record, dict):
         _check_version(path, record.get("run_version"))
-    faults = list(_faults(record, _RECORD, ""))
+    faults = [*_faults(record, _RECORD, ""), *_origin_faults(record)]
     if faults:
         raise damaged(path, faults)
     try:
@@ -69,6 +73,11 @@ def read_record(path: Path) -> tuple[dict[str, Any], GqnConfig, InputGrid]:
     if faults:
         raise damaged(path, faults)
     return record, config, grid
+
+
+def origins_of(record: dict[str, Any]) -> list[dict[str, Any]]:
+    """What a record that was read names as the data, of every version."""
+    return record["origins"] if "origins" in record else [record["origin"]]
 
 
 def damaged(path: Path, faults: list[str]) -> CheckpointError:
@@ -119,7 +128,7 @@ def _faults(value: Any, form: Any, where: str) -> Iterator[str]:
                 yield from _faults(value[key], part.form if isinstance(part, _Optional) else part, inner)
             elif not isinstance(part, _Optional):
                 yield f"{inner} is missing"
-        if where in _CLOSED:
+        if re.sub(r"\[\d+\]", "[]", where) in _CLOSED:
             yield from (f"{where}.{reprlib.repr(key)} is no setting that is known" for key in value if key not in form)
     elif isinstance(form, list):
         if not isinstance(value, list):
@@ -129,6 +138,23 @@ def _faults(value: Any, form: Any, where: str) -> Iterator[str]:
             yield from _faults(entry, form[0], f"{where}[{at}]")
     elif (expected := form(value)) is not None:
         yield f"{name} is {reprlib.repr(value)}, expected {expected}"
+
+
+def _origin_faults(record: Any) -> Iterator[str]:
+    """What is wrong with where the data are named; their values are looked at elsewhere."""
+    if not isinstance(record, dict):
+        return
+    if record.get("run_version") == 1:
+        expected, other = "origin", "origins"
+    else:
+        expected, other = "origins", "origin"
+    if expected not in record:
+        yield f"{expected} is missing"
+    if other in record:
+        yield f"there is {other!r} in run version {reprlib.repr(record.get('run_version'))}, expected {expected!r}"
+    origins = record.get("origins")
+    if isinstance(origins, list) and not 1 <= len(origins) <= MOST_ORIGINS:
+        yield f"origins has {counted(len(origins), 'entry', 'entries')}, expected 1 to {MOST_ORIGINS}"
 
 
 def _sha256(value: object) -> str | None:
@@ -141,22 +167,24 @@ _SHARE = number(0, 1)
 _SIZE = whole(1, 2**31)
 _FINITE = number(-1e30, 1e30)
 
-_CLOSED = ("origin", "grid", "settings.network")
+_CLOSED = ("origin", "origins[]", "grid", "settings.network")
 """Where a key that is not known would have a meaning that is missed."""
 
 # Ranges of sizes are those of the types that are built from them; here it is enough that they are numbers.
+_ORIGIN = {
+    "dataset": _TEXT,
+    "ref": _TEXT,
+    "snapshot": _TEXT,
+    "digest": _TEXT,
+    "view": one_of("overhead", "pregrasp"),
+    "attempts": _COUNT,
+}
 _RECORD = {
     "run_version": whole(1, RUN_VERSION),
     "handsight": _Optional(_TEXT),
     "created": _Optional(_TEXT),
-    "origin": {
-        "dataset": _TEXT,
-        "ref": _TEXT,
-        "snapshot": _TEXT,
-        "digest": _TEXT,
-        "view": one_of("overhead", "pregrasp"),
-        "attempts": _COUNT,
-    },
+    "origin": _Optional(_ORIGIN),
+    "origins": _Optional([_ORIGIN]),
     "grid": {"crop_px": _SIZE, "size_px": _SIZE},
     "settings": {
         "network": {
@@ -168,9 +196,13 @@ _RECORD = {
             "padded": _Optional(truth),
         },
         "epochs": _Optional(whole(1, 2**31)),
+        "patience": _Optional(whole(1, 2**31)),
         "batch": _Optional(whole(2, 2**31)),
         "learning_rate": _Optional(_SHARE),
+        "warmup_steps": _Optional(whole(0, 2**31)),
+        "average": _Optional(_SHARE),
         "weight_decay": _Optional(_SHARE),
+        "mixup": _Optional(_FINITE),
         "balance": _Optional(truth),
         "holdout": _Optional(_SHARE),
         "jitter": _Optional(
@@ -182,6 +214,7 @@ _RECORD = {
                 "shift": _Optional(_FINITE),
             }
         ),
+        "precision": _Optional(one_of(*get_args(Precision))),
         "seed": _Optional(whole(-(2**63), 2**64 - 1)),
     },
     "parameters": _Optional(_COUNT),
@@ -197,6 +230,7 @@ _RECORD = {
             },
         }
     ],
+    "kept_epoch": _Optional(or_null(_COUNT)),
     WEIGHTS_SHA256: _Optional(_sha256),
     RECORD_SHA256: _Optional(_sha256),
 }

@@ -25,7 +25,8 @@ def write_next_weights(folder: Path, network: GraspQualityNetwork) -> str:
 
     Not by safetensors' own ``save_file``, which hides the file from everybody but its owner, whatever the umask says.
     """
-    data = save(network.state_dict())
+    # Training leaves weights channels-last.
+    data = save({name: tensor.contiguous() for name, tensor in network.state_dict().items()})
     with atomic_file(folder / NEXT_WEIGHTS, durable=True) as unfinished:
         unfinished.write_bytes(data)
     return hashlib.sha256(data).hexdigest()

@@ -105,7 +105,7 @@ def evaluate_model(
         **report,
         "model": str(model),
         "weights_sha256": run.weights_sha256,
-        "dataset_digest": run.origin.digest,
+        "trained_on": [origin.to_json() for origin in run.origins],
         "gripper": gripper,
         "seed": settings.seed,
         "threshold": settings.servo.threshold,

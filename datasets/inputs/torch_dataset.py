@@ -18,7 +18,7 @@ from torch.utils.data import Dataset
 
 from handsight.datasets.errors import CorruptDataError, counted
 from handsight.datasets.inputs.augmentation import FLIPS, flipped
-from handsight.datasets.inputs.materialize import GraspInputs
+from handsight.datasets.inputs.mixture import InputRows, LabelledInputs
 
 Batch = tuple[Tensor, Tensor]
 """Inputs (B, 4, size, size), float16, and labels (B,), float32; without B for a single index."""
@@ -32,9 +32,9 @@ class TorchGrasps(Dataset[Batch]):
     with a sampler that yields lists.
     """
 
-    def __init__(self, data: GraspInputs) -> None:
+    def __init__(self, data: LabelledInputs) -> None:
         self._labels = torch.from_numpy(data.labels)
-        self._inputs: NDArray[np.float16] = data.inputs
+        self._inputs: InputRows = data.inputs
         self._file = data.file
 
     def __len__(self) -> int:

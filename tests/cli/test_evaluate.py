@@ -18,7 +18,7 @@ from handsight.evaluation.trial import Trial
 from handsight.servoing.homography import InputGrid
 from handsight.training.gqn import GqnConfig, GraspQualityNetwork
 from handsight.training.run import DataOrigin, save_run
-from handsight.training.trainer import TrainSettings
+from handsight.training.settings import TrainSettings
 
 THREE = ("--methods", "random,cem-1,first-order")
 
@@ -30,7 +30,7 @@ def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for seed, name in enumerate(("run", "other")):
         torch.manual_seed(seed)
         network = GraspQualityNetwork(GqnConfig())
-        save_run(folder / name, network, origin=origin, grid=InputGrid(), settings=TrainSettings(), history=())
+        save_run(folder / name, network, origins=[origin], grid=InputGrid(), settings=TrainSettings())
     return folder / "run"
 
 

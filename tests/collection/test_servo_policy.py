@@ -40,7 +40,7 @@ from handsight.servoing.sampling import StepRange
 from handsight.servoing.scorer import GraspScorer
 from handsight.training.gqn import GraspQualityNetwork
 from handsight.training.run import DataOrigin, load_run, save_run
-from handsight.training.trainer import TrainSettings
+from handsight.training.settings import TrainSettings
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("run")
     network = GraspQualityNetwork(settings.network)
     origin = DataOrigin(dataset="none", ref="main", snapshot="", digest="", view="overhead", attempts=0)
-    save_run(folder, network, origin=origin, grid=InputGrid(), settings=settings, history=[])
+    save_run(folder, network, origins=[origin], grid=InputGrid(), settings=settings)
     return folder
 
 
@@ -136,7 +136,7 @@ def test_a_session_is_the_same_with_any_number_of_workers_and_again(
 def test_another_network_does_not_repeat_a_session(tmp_path: Path, run: Path, policy: ServoPolicy) -> None:
     loaded = load_run(run)
     other, wider = tmp_path / "other", tmp_path / "wider"
-    rest = {"origin": loaded.origin, "settings": TrainSettings(), "history": []}
+    rest = {"origins": loaded.origins, "settings": TrainSettings()}
     save_run(wider, loaded.network, grid=InputGrid(crop_px=300), **rest)  # type: ignore[arg-type]
     save_run(other, GraspQualityNetwork(loaded.network.config), grid=loaded.grid, **rest)  # type: ignore[arg-type]
     settings = policy.settings()
@@ -202,7 +202,7 @@ def test_a_network_whose_scores_are_none_ends_the_session_without_a_grasp(tmp_pa
     loaded, folder = load_run(run), tmp_path / "run"
     first_dense = loaded.network.get_parameter("head.1.weight")
     first_dense[::2], first_dense[1::2] = 3e38, -3e38  # The next layer subtracts infinity from infinity.
-    save_run(folder, loaded.network, origin=loaded.origin, grid=loaded.grid, settings=TrainSettings(), history=[])
+    save_run(folder, loaded.network, origins=loaded.origins, grid=loaded.grid, settings=TrainSettings())
     repository = GraspRepository.create(tmp_path / "grasps")
     mixed = policy_named("servo", model=folder, method=None, random_share=0.5, threshold=None)
     settings = CollectSettings(attempts=6, seed=2, workers=1, policy=mixed)
@@ -219,7 +219,7 @@ def test_a_run_that_is_replaced_while_it_is_used_is_noticed(tmp_path: Path, run:
     assert isinstance(opened, ServoPolicy)
     loaded = load_run(copy)
     fresh = GraspQualityNetwork(loaded.network.config)
-    save_run(copy, fresh, origin=loaded.origin, grid=loaded.grid, settings=TrainSettings(), history=[], overwrite=True)
+    save_run(copy, fresh, origins=loaded.origins, grid=loaded.grid, settings=TrainSettings(), overwrite=True)
     with pytest.raises(CommandError, match="holds another network"):
         opened.open_network()
 

@@ -19,7 +19,7 @@ from handsight.servoing.loop import ServoSettings
 from handsight.training.errors import CheckpointError
 from handsight.training.gqn import GqnConfig, GraspQualityNetwork
 from handsight.training.run import DataOrigin, save_run
-from handsight.training.trainer import TrainSettings
+from handsight.training.settings import TrainSettings
 
 METHODS = ("random", "cem-1", "first-order")
 
@@ -31,7 +31,7 @@ def factory(tmp_path_factory: pytest.TempPathFactory) -> TrialContextFactory:
     torch.manual_seed(0)
     origin = DataOrigin(dataset="none", ref="main", snapshot="", digest="", view="overhead", attempts=0)
     network = GraspQualityNetwork(GqnConfig())
-    save_run(run, network, origin=origin, grid=InputGrid(), settings=TrainSettings(), history=())
+    save_run(run, network, origins=[origin], grid=InputGrid(), settings=TrainSettings())
     return TrialContextFactory(open_station=SimStationFactory(config=SimConfig(objects="blocks-test")), run=run)
 
 

@@ -7,7 +7,7 @@ import pandas as pd
 
 from handsight.datasets.inputs.materialize import GraspInputs
 from handsight.training.gqn import GqnConfig
-from handsight.training.trainer import TrainSettings
+from handsight.training.settings import TrainSettings
 
 SMALL = TrainSettings(
     network=GqnConfig(widths=(8, 8), kernels=(3, 3), dense=(16,), size_px=16), epochs=8, batch=32, holdout=0.25, seed=1

@@ -23,7 +23,7 @@ from handsight.datasets.inputs.materialize import materialize
 from handsight.servoing.homography import InputGrid
 from handsight.training.gqn import GqnConfig, GraspQualityNetwork
 from handsight.training.run import DataOrigin, save_run
-from handsight.training.trainer import TrainSettings
+from handsight.training.settings import TrainSettings
 
 CACHED_GRID = InputGrid(crop_px=8, size_px=8)
 RUN_NETWORK = GqnConfig(widths=(16, 32), kernels=(5, 3), size_px=16)
@@ -105,10 +105,9 @@ def make_run(folder: Path) -> None:
     save_run(
         folder / "run",
         GraspQualityNetwork(RUN_NETWORK),
-        origin=DataOrigin(dataset="grasps", ref="v1", snapshot="A", digest="d" * 64, view="overhead", attempts=8),
+        origins=[DataOrigin(dataset="grasps", ref="v1", snapshot="A", digest="d" * 64, view="overhead", attempts=8)],
         grid=InputGrid(crop_px=100, size_px=16),
         settings=TrainSettings(network=RUN_NETWORK),
-        history=[],
     )
 
 

@@ -14,7 +14,8 @@ from handsight.datasets.inputs.materialize import GraspInputs
 from handsight.training.cross_validation import check_folds, out_of_fold_scores
 from handsight.training.errors import TrainingDataError
 from handsight.training.metrics import Metrics, evaluate_scores
-from handsight.training.trainer import Epoch, predict_with_flips, train
+from handsight.training.prediction import predict_with_flips
+from handsight.training.trainer import Epoch, train
 
 QUICK = replace(SMALL, epochs=1)
 DATA = drawn_inputs(60, seed=0)
@@ -53,7 +54,7 @@ def test_scores_are_those_of_a_network_that_never_held_the_fold() -> None:
     for fold in range(3):
         others = np.not_equal(THIRDS, fold)
         alone = GraspInputs(inputs=DATA.inputs[others], attempts=DATA.attempts[others])
-        network, _ = train(alone, replace(QUICK, holdout=0))
+        network = train(alone, replace(QUICK, holdout=0)).network
         expected = predict_with_flips(network, DATA.inputs, torch.from_numpy(np.flatnonzero(~others)))
         np.testing.assert_array_equal(scores[~others], expected)
 

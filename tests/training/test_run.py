@@ -31,23 +31,24 @@ ORIGIN = DataOrigin(dataset="grasps@v1", ref="v1", snapshot="ABC", digest="d" * 
 
 @pytest.fixture
 def run_folder(tmp_path: Path) -> Path:
-    network, history = train(drawn_inputs(80, seed=0), replace(SMALL, epochs=1))
+    trained = train(drawn_inputs(80, seed=0), replace(SMALL, epochs=1))
     folder = tmp_path / "run"
     save_run(
         folder,
-        network,
-        origin=ORIGIN,
+        trained.network,
+        origins=[ORIGIN],
         grid=InputGrid(crop_px=100, size_px=16),
         settings=replace(SMALL, epochs=1),
-        history=history,
+        history=trained.history,
+        kept_epoch=trained.kept.number,
     )
     return folder
 
 
 def test_a_run_names_its_data_and_scores_as_before(run_folder: Path) -> None:
-    network, _ = train(drawn_inputs(80, seed=0), replace(SMALL, epochs=1))
+    network = train(drawn_inputs(80, seed=0), replace(SMALL, epochs=1)).network
     run = load_run(run_folder)
-    assert run.origin == ORIGIN
+    assert run.origins == (ORIGIN,)
     assert run.grid == InputGrid(crop_px=100, size_px=16)
     inputs = torch.from_numpy(drawn_inputs(10, seed=5).inputs).float()
     torch.testing.assert_close(load_scorer(run_folder)(inputs), torch.sigmoid(network(inputs)).detach())
@@ -86,7 +87,7 @@ def test_a_stored_record_is_read_and_one_written_now_has_the_same_keys(tmp_path:
     (tmp_path / RUN_RECORD).write_text(json.dumps(STORED))
     run = load_run(tmp_path)
     assert run.network.config == SHAPE
-    assert run.origin == replace(ORIGIN, digest="d00f", view="pregrasp")
+    assert run.origins == (replace(ORIGIN, digest="d00f", view="pregrasp"),)
     assert run.grid == InputGrid(crop_px=100, size_px=16)
     assert run.record == STORED
 
@@ -95,11 +96,44 @@ def test_a_stored_record_is_read_and_one_written_now_has_the_same_keys(tmp_path:
 
     written = json.loads((run_folder / RUN_RECORD).read_text())
     hashes = dict.fromkeys((WEIGHTS_SHA256, RECORD_SHA256))
-    added = {"padded": None}
     expected = keys(STORED) or {}
-    expected["settings"]["network"] |= added  # type: ignore[index]
-    assert keys(written) == {**expected, **hashes}
+    del expected["origin"]
+    expected["settings"]["network"] |= {"padded": None}  # type: ignore[index]
+    expected["settings"] |= dict.fromkeys(("patience", "warmup_steps", "average", "mixup", "precision"))  # type: ignore[operator]
+    assert keys(written) == {**expected, "origins": None, "kept_epoch": None, **hashes}
+    assert [list(origin) for origin in written["origins"]] == [list(STORED["origin"])]
     assert list(written["history"][0]) == list(STORED["history"][0])
+    assert written["kept_epoch"] == 1
+
+
+def test_a_run_names_every_version_and_picture_that_it_was_trained_on(run_folder: Path) -> None:
+    origins = (ORIGIN, replace(ORIGIN, view="pregrasp", attempts=60), replace(ORIGIN, dataset="s3://lab/more", ref="x"))
+    run = load_run(run_folder)
+    grid, settings = InputGrid(size_px=16), replace(SMALL, epochs=1)
+    save_run(run_folder, run.network, origins=origins, grid=grid, settings=settings, overwrite=True)
+    assert load_run(run_folder).origins == origins
+    with pytest.raises(ValueError, match="there is no origin"):
+        save_run(run_folder, run.network, origins=[], grid=grid, settings=settings, overwrite=True)
+    assert load_run(run_folder).origins == origins
+
+
+@pytest.mark.parametrize(
+    ("changes", "fault"),
+    [
+        ({"origins": []}, "origins has 0 entries, expected 1 to 1000"),
+        ({"origins": None}, "origins is None, expected a list"),
+        ({"origins": [{**ORIGIN.to_json(), "share": 1}]}, r"origins\[0\].'share' is no setting that is known"),
+        ({"origin": ORIGIN.to_json()}, "there is 'origin' in run version 2, expected 'origins'"),
+        ({"run_version": 1}, "origin is missing; there is 'origins' in run version 1, expected 'origin'"),
+    ],
+)
+def test_where_the_data_are_named_follows_from_the_version(
+    run_folder: Path, changes: dict[str, Any], fault: str
+) -> None:
+    record = json.loads((run_folder / RUN_RECORD).read_text())
+    (run_folder / RUN_RECORD).write_text(json.dumps({**record, **changes}))
+    with pytest.raises(CheckpointError, match=fault):
+        load_run(run_folder)
 
 
 def test_a_run_from_before_there_was_a_choice_of_padding_scores_as_it_did(tmp_path: Path) -> None:
@@ -134,7 +168,7 @@ def edit_record(folder: Path, **changes: Any) -> None:
         *parents, last = name.split("__")
         holder = record
         for parent in parents:
-            holder = holder[parent]
+            holder = holder[int(parent) if isinstance(holder, list) else parent]
         if value is None:
             del holder[last]
         else:
@@ -172,7 +206,7 @@ def test_weights_of_another_run_are_refused_by_name(run_folder: Path) -> None:
     ("changes", "fault"),
     [
         ({"grid__crop_px": 99}, "its values are not those that were written"),
-        ({"origin__digest": "e" * 64}, "its values are not those that were written"),
+        ({"origins__0__digest": "e" * 64}, "its values are not those that were written"),
         ({"grid__size_px": 8}, "grid.size_px is 8, expected 16"),
         ({"grid__crop_px": 10**9}, "crop"),
         ({"settings__network__size_px": 16 * 10**9}, "settings.network.size_px is 16000000000"),
@@ -186,7 +220,7 @@ def test_weights_of_another_run_are_refused_by_name(run_folder: Path) -> None:
         ({"settings__network__depth": 3}, "settings.network.'depth' is no setting"),
         ({"settings__seed": 1.5}, "settings.seed is 1.5"),
         ({"history": [{"number": 1}]}, r"history\[0\].train_loss is missing"),
-        ({"origin__view": "sideways"}, "origin.view is 'sideways', expected one of"),
+        ({"origins__0__view": "sideways"}, r"origins\[0\].view is 'sideways', expected one of"),
         ({"run_version": True}, "run_version is True"),
         ({"weights_sha256": "abc"}, "weights_sha256 is 'abc', expected 64"),
     ],
@@ -198,10 +232,10 @@ def test_a_record_that_no_run_can_have_is_refused(run_folder: Path, changes: dic
 
 
 def test_everything_wrong_with_a_record_is_said_at_once(run_folder: Path) -> None:
-    edit_record(run_folder, origin__attempts=-1, grid__size_px=None, settings__network__channels="rgbx", history={})
+    edit_record(run_folder, origins__0__attempts=-1, grid__size_px=None, settings__network__channels="rgbx", history={})
     with pytest.raises(CheckpointError) as caught:
         load_run(run_folder)
-    for part in ("origin.attempts is -1", "grid.size_px is missing", "channels is 'rgbx'", "history is {}"):
+    for part in ("origins[0].attempts is -1", "grid.size_px is missing", "channels is 'rgbx'", "history is {}"):
         assert part in str(caught.value)
 
 
@@ -255,10 +289,10 @@ def test_a_damaged_run_is_refused_or_scores_as_before(run_folder: Path, tmp_path
 
 
 def save_another(folder: Path, *, overwrite: bool = True) -> None:
-    network, history = train(drawn_inputs(80, seed=3), replace(SMALL, epochs=1, seed=5))
+    trained = train(drawn_inputs(80, seed=3), replace(SMALL, epochs=1, seed=5))
     settings = replace(SMALL, epochs=1, seed=5)
     grid = InputGrid(crop_px=90, size_px=16)
-    save_run(folder, network, origin=ORIGIN, grid=grid, settings=settings, history=history, overwrite=overwrite)
+    save_run(folder, trained.network, origins=[ORIGIN], grid=grid, settings=settings, overwrite=overwrite)
 
 
 def test_a_run_is_replaced_only_where_that_was_asked_for(run_folder: Path) -> None:
@@ -306,7 +340,7 @@ def test_a_run_that_is_being_replaced_is_at_any_moment_the_old_one_or_the_new_on
 def test_the_network_and_its_settings_agree_when_a_run_is_saved(tmp_path: Path) -> None:
     network = GraspQualityNetwork(SMALL.network)
     with pytest.raises(NetworkSettingsError, match="expected that they agree"):
-        save_run(tmp_path / "run", network, origin=ORIGIN, grid=InputGrid(), settings=SMALL, history=[])
+        save_run(tmp_path / "run", network, origins=[ORIGIN], grid=InputGrid(), settings=SMALL)
     assert not (tmp_path / "run").exists()
 
 
@@ -335,7 +369,7 @@ def test_damaged_runs_say_so(run_folder: Path, damage: str) -> None:
 
 def test_a_run_never_overwrites_other_things(tmp_path: Path) -> None:
     (tmp_path / "thesis.tex").write_text("years of work")
-    network, history = train(drawn_inputs(40, seed=0), replace(SMALL, epochs=1))
+    trained = train(drawn_inputs(40, seed=0), replace(SMALL, epochs=1))
     with pytest.raises(CheckpointError, match="holds other files"):
-        save_run(tmp_path, network, origin=ORIGIN, grid=InputGrid(), settings=SMALL, history=history)
+        save_run(tmp_path, trained.network, origins=[ORIGIN], grid=InputGrid(), settings=SMALL)
     assert [path.name for path in tmp_path.iterdir()] == ["thesis.tex"]

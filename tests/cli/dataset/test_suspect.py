@@ -33,7 +33,7 @@ from handsight.datasets import (
 from handsight.datasets.inputs.materialize import materialize
 from handsight.datasets.views import station_view
 from handsight.training.cross_validation import out_of_fold_scores
-from handsight.training.trainer import TrainSettings
+from handsight.training.settings import TrainSettings
 
 KEYS = {"attempt", "success", "predicted_success", "label_quality", "target", "truth_held", "truth_disagrees"}
 HEADER = small_header(source="sim", seed=0)

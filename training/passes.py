@@ -1,0 +1,138 @@
+"""Passes over the training data: batches, loss, optimiser and schedule of one network."""
+
+from __future__ import annotations
+
+import copy
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+from torch.nn import functional
+
+from handsight.datasets.inputs.augmentation import FLIPS
+from handsight.datasets.inputs.loader import GraspLoader
+from handsight.datasets.inputs.mixture import LabelledInputs
+from handsight.datasets.inputs.torch_dataset import FlippedGrasps
+from handsight.training.gqn import GraspQualityNetwork
+from handsight.training.precision import dtype_for
+from handsight.training.settings import TrainSettings
+
+
+class Passes:
+    """A network in training, and the running mean of its weights.
+
+    Args:
+        network: With its initial weights; it is changed.
+        data: Inputs and labels.
+        trained_on: Positions in ``data`` to learn from. Shape (M,).
+        settings: The recipe.
+        generator: Of all that inputs are varied by.
+    """
+
+    def __init__(
+        self,
+        network: GraspQualityNetwork,
+        data: LabelledInputs,
+        trained_on: NDArray[np.int64],
+        settings: TrainSettings,
+        generator: torch.Generator,
+    ) -> None:
+        # Strided convolutions of few channels are fastest in channels-last, forwards and backwards.
+        self._network = network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+        self._mean = _RunningMean(network, settings.average)
+        self._settings = settings
+        self._generator = generator
+        self._rng = np.random.default_rng([settings.seed % 2**64, 1])
+        self._dtype = dtype_for(settings.precision, torch.device("cpu"))
+        self._samples = FLIPS * len(trained_on)
+        self._loader = GraspLoader(
+            FlippedGrasps(data),
+            batch_size=settings.batch,
+            # A negative seed counts as torch counts it: as 64 bits without a sign.
+            seed=settings.seed % 2**64,
+            rows=FlippedGrasps.positions(trained_on),
+        )
+        rate = settings.learning_rate
+        self._optimiser = torch.optim.AdamW(network.parameters(), lr=rate, weight_decay=settings.weight_decay)
+        self._schedule = torch.optim.lr_scheduler.LambdaLR(
+            self._optimiser, lambda step: min(1.0, (step + 1) / (settings.warmup_steps + 1))
+        )
+        share = float(data.labels[trained_on].mean())
+        self._positive_weight = torch.tensor((1 - share) / share) if settings.balance and 0 < share < 1 else None
+
+    @property
+    def mean(self) -> GraspQualityNetwork:
+        """The network with the running mean of the weights; the next pass changes it."""
+        return self._mean.network
+
+    def run_one(self) -> float:
+        """See every attempt in all four flips once; returns the mean loss."""
+        self._network.train()
+        total_loss = 0.0
+        for inputs, labels in self._loader:  # (B, 4, size, size) float16, (B,)
+            if len(labels) < 2:
+                continue  # batch normalisation has no variance over one input
+            varied = self._settings.jitter(inputs.float(), self._generator)
+            total_loss += len(labels) * self._step(*self._mixed(varied, labels))
+        return total_loss / self._samples
+
+    def _mixed(self, inputs: Tensor, labels: Tensor) -> tuple[Tensor, Tensor]:
+        """Every input and label mixed with another of the batch, where the recipe has it."""
+        if self._settings.mixup == 0:
+            return inputs, labels
+        share = self._rng.beta(self._settings.mixup, self._settings.mixup)
+        return mixed_up(inputs, labels, torch.from_numpy(self._rng.permutation(len(labels))), share)
+
+    def _step(self, inputs: Tensor, labels: Tensor) -> float:
+        """Descend once; returns the loss before. (B, 4, size, size), (B,)."""
+        with torch.autocast("cpu", self._dtype, enabled=self._dtype != torch.float32):
+            logits = self._network(inputs.contiguous(memory_format=torch.channels_last))  # (B,)
+        loss = functional.binary_cross_entropy_with_logits(logits.float(), labels, pos_weight=self._positive_weight)
+        self._optimiser.zero_grad(set_to_none=True)
+        loss.backward()
+        self._optimiser.step()
+        self._schedule.step()
+        self._mean.update(self._network)
+        return float(loss.detach())
+
+
+def mixed_up(inputs: Tensor, labels: Tensor, others: Tensor, share: float) -> tuple[Tensor, Tensor]:
+    """Inputs and labels of which the rest of a share is that of others (mixup; Zhang et al. 2018, equation 1).
+
+    Args:
+        inputs: Shape (B, 4, size, size).
+        labels: Shape (B,).
+        others: Whose each is mixed with. Shape (B,).
+        share: In [0, 1].
+
+    Returns:
+        Shapes as they were.
+    """
+    return torch.lerp(inputs[others], inputs, share), torch.lerp(labels[others], labels, share)
+
+
+class _RunningMean:
+    """A network with the exponential running mean of another's weights and statistics.
+
+    The first steps count less, as those of a network that knows nothing yet: after n steps the factor for the past is
+    at most (n + 1) / (n + 10).
+    """
+
+    def __init__(self, network: GraspQualityNetwork, factor: float) -> None:
+        self.network = copy.deepcopy(network).eval().requires_grad_(False)
+        self._factor = factor
+        self._steps = 0
+        self._into = _floats(self.network)
+
+    @torch.no_grad()
+    def update(self, network: GraspQualityNetwork) -> None:
+        """Count the weights that ``network`` has now."""
+        factor = min(self._factor, (self._steps + 1) / (self._steps + 10))
+        torch._foreach_lerp_(self._into, _floats(network), 1 - factor)
+        self._steps += 1
+
+
+def _floats(network: nn.Module) -> list[Tensor]:
+    """Weights and statistics, in one order; what batch normalisation counts has no part in what it computes."""
+    return [tensor for tensor in network.state_dict().values() if tensor.dtype.is_floating_point]
