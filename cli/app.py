@@ -32,7 +32,7 @@ NOUNS = (
         "Train a network on a version of a dataset.",
         (
             "handsight train grasps@v1 --out runs/rgbd",
-            "handsight train grasps@v1 on-policy --out runs/mixed --viewpoint overhead --viewpoint pregrasp",
+            "handsight train grasps@v1 on-policy --out runs/mixed --viewpoint both",
             "handsight train grasps --out runs/depth --channels depth",
         ),
         kept="no run was written; the network inputs that were made are kept for the next call",

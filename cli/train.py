@@ -38,13 +38,10 @@ def train_command(
         typer.Option(max=MOST_EPOCHS, help="Most passes over the data; fewer once held-out attempts say so."),
     ] = 40,
     batch: Annotated[int, typer.Option(max=1_000_000, help="Inputs per step.")] = 200,
-    viewpoints: Annotated[
-        list[ViewpointName] | None,
-        typer.Option(
-            "--viewpoint",
-            help=f"Picture that is warped to the grasp; {DEFAULT_VIEWPOINT} unless given, may be given twice.",
-        ),
-    ] = None,
+    viewpoint: Annotated[
+        Literal["overhead", "pregrasp", "both"],
+        typer.Option(help="Picture that is warped to the grasp; both, where there are both, as two inputs."),
+    ] = DEFAULT_VIEWPOINT,
     seed: Seed = 0,
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Replace a run that is there, once the new one is trained.")
@@ -65,7 +62,7 @@ def train_command(
 
     settings = TrainSettings(network=GqnConfig(channels=channels), epochs=epochs, batch=batch, seed=seed)
     opened = {dataset: open_version(dataset) for dataset in datasets}
-    pictures: list[ViewpointName] = list(dict.fromkeys(viewpoints or [DEFAULT_VIEWPOINT]))
+    pictures: tuple[ViewpointName, ...] = ("overhead", "pregrasp") if viewpoint == "both" else (viewpoint,)
     if dry_run:
         _print_plan(opened, out, pictures, as_json=as_json)
         return

@@ -196,6 +196,7 @@ _RECORD = {
             "padded": _Optional(truth),
         },
         "epochs": _Optional(whole(1, 2**31)),
+        "least_epochs": _Optional(whole(1, 2**31)),
         "patience": _Optional(whole(1, 2**31)),
         "batch": _Optional(whole(2, 2**31)),
         "learning_rate": _Optional(_SHARE),

@@ -18,6 +18,8 @@ class TrainSettings:
     network: GqnConfig = field(default_factory=GqnConfig)
     epochs: int = 40
     """Most passes over the data; in each, every attempt is seen in all four flips."""
+    least_epochs: int = 8
+    """The pass that is kept is this one or a later one. Of few attempts held out, an early lowest loss is chance."""
     patience: int = 3
     """Training ends when the loss on held-out attempts has not fallen for so many passes. Without held-out attempts
     there are ``epochs``."""
@@ -48,10 +50,12 @@ class TrainSettings:
             faults.append(
                 f"{counted(self.epochs, 'epoch')} at batch {self.batch}, expected at least 1 epoch and 2 in a batch"
             )
-        if self.patience < 1 or self.warmup_steps < 0:
-            faults.append(
-                f"patience is {self.patience}, warmup_steps {self.warmup_steps}, expected at least 1 and at least 0"
-            )
+        least = {
+            "least_epochs": (self.least_epochs, 1),
+            "patience": (self.patience, 1),
+            "warmup_steps": (self.warmup_steps, 0),
+        }
+        faults += [f"{name} is {value}, expected at least {low}" for name, (value, low) in least.items() if value < low]
         if not (0 < self.learning_rate < 1 and 0 <= self.weight_decay < 1):
             faults.append(
                 f"learning rate is {self.learning_rate}, weight decay {self.weight_decay}, expected in (0, 1), [0, 1)"

@@ -40,7 +40,7 @@ class Trained:
     history: tuple[Epoch, ...]
     """All passes, those after the one that is kept included."""
     kept: Epoch
-    """The pass after which the network was kept: that with the lowest held-out loss, or the last."""
+    """The pass after which the network was kept: from ``least_epochs`` on that with the lowest held-out loss."""
 
 
 def train(
@@ -77,7 +77,7 @@ def train(
 
     passes = Passes(network, data, trained_on, settings, generator)
     history: list[Epoch] = []
-    kept, weights = 0, None  # the position in the history, and the state after it
+    kept, weights = 0, passes.mean.state_dict()  # the position in the history, and the state after it
     for number in range(1, settings.epochs + 1):
         train_loss = passes.run_one()
         _check_loss(train_loss, number, settings)
@@ -85,11 +85,11 @@ def train(
         history.append(Epoch(number=number, train_loss=train_loss, held_out=metrics))
         if on_epoch is not None:
             on_epoch(history[-1])
-        if weights is None or metrics.loss is None or metrics.loss < _loss(history[kept]):
+        if number <= settings.least_epochs or metrics.loss is None or metrics.loss < _loss(history[kept]):
             kept, weights = number - 1, copy.deepcopy(passes.mean.state_dict())
         elif number - 1 - kept == settings.patience:
             break
-    network.load_state_dict(weights or {})
+    network.load_state_dict(weights)
     return Trained(network=network.eval(), history=tuple(history), kept=history[kept])
 
 

@@ -141,7 +141,7 @@ def unlearnable(count: int) -> GraspInputs:
 
 
 def test_training_ends_where_the_held_out_loss_no_longer_falls_and_keeps_what_was_best() -> None:
-    data, settings = unlearnable(120), replace(SMALL, epochs=60, patience=2, warmup_steps=0)
+    data, settings = unlearnable(120), replace(SMALL, epochs=60, least_epochs=1, patience=2, warmup_steps=0)
     trained = train(data, settings)
     losses = [epoch.held_out.loss or 0.0 for epoch in trained.history]
     assert trained.kept.number == 1 + int(np.argmin(losses))
@@ -152,8 +152,17 @@ def test_training_ends_where_the_held_out_loss_no_longer_falls_and_keeps_what_wa
 
 
 def test_without_held_out_attempts_all_passes_are_made_and_the_last_is_kept() -> None:
-    trained = train(unlearnable(40), replace(SMALL, epochs=5, patience=1, holdout=0))
+    trained = train(unlearnable(40), replace(SMALL, epochs=5, least_epochs=1, patience=1, holdout=0))
     assert len(trained.history) == trained.kept.number == 5
+
+
+def test_no_pass_before_the_least_is_kept() -> None:
+    settings = replace(SMALL, epochs=60, least_epochs=1, patience=2, warmup_steps=0)
+    early = train(unlearnable(120), settings).kept.number
+    later = train(unlearnable(120), replace(settings, least_epochs=early + 4)).kept.number
+    assert later >= early + 4
+    short = train(unlearnable(120), replace(settings, epochs=2, least_epochs=9))
+    assert short.kept.number == len(short.history) == 2
 
 
 def test_both_pictures_of_an_attempt_are_held_out_together() -> None:
