@@ -164,14 +164,15 @@ def _move_within_reach(move: Move, pose: PlanarPose, step: Tensor) -> PlanarPose
 def _record(
     view: View, pose: PlanarPose, score: float, objective: Objective, proposal: Proposal | None, timing: _Timing
 ) -> ServoStep:
+    predicted_inputs = None if proposal is None else objective.inputs(proposal.step[None])
     return ServoStep(
         view=view,
         pose=pose,
         score=score,
         proposal=proposal,
-        predicted=float(objective(proposal.step[None])[0]) if proposal else score,
+        predicted=score if predicted_inputs is None else float(objective.scores(predicted_inputs)[0]),
         inputs=objective.inputs_here(),
-        predicted_inputs=objective.inputs(proposal.step[None])[0] if proposal else None,
+        predicted_inputs=None if predicted_inputs is None else predicted_inputs[0],
         look_s=timing.look_s,
         compute_s=timing.compute_s,
     )

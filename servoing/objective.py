@@ -20,7 +20,7 @@ class Objective:
         """Prepare ``view`` once; every call then costs one resampling and one network pass for the whole batch."""
         self._prepared = PreparedView.from_view(view, pixels_per_cell=scorer.grid.pixels_per_cell)
         self._scorer = scorer
-        self._no_step = self._prepared.channels.new_zeros(1, 3)
+        self._here = self.inputs(self._prepared.channels.new_zeros(1, 3))
 
     def __call__(self, steps: Tensor) -> Tensor:
         """Predicted success of every step (dx [m], dy [m], dangle [rad]). (B, 3) -> (B,).
@@ -30,9 +30,7 @@ class Objective:
         Raises:
             ScoreError: A score is not in [0, 1], so that no step can be chosen by it.
         """
-        scores = self._scorer(self.inputs(steps))
-        check_scores(scores.numpy(force=True), len(steps))
-        return scores
+        return self.scores(self.inputs(steps))
 
     @property
     def footprint(self) -> Footprint:
@@ -52,10 +50,20 @@ class Objective:
         """The predicted pictures themselves. (B, 3) -> (B, 4, size, size)."""
         return predict_inputs(self._prepared, steps, grid=self._scorer.grid)
 
+    def scores(self, inputs: Tensor) -> Tensor:
+        """Predicted success of predicted pictures. (B, 4, size, size) -> (B,).
+
+        Raises:
+            ScoreError: A score is not in [0, 1].
+        """
+        scores = self._scorer(inputs)
+        check_scores(scores.numpy(force=True), len(inputs))
+        return scores
+
     def inputs_here(self) -> Tensor:
         """The network's input without moving. Shape (4, size, size)."""
-        return self.inputs(self._no_step)[0]
+        return self._here[0]
 
     def score_here(self) -> float:
         """S_0: predicted success of grasping without moving."""
-        return float(self(self._no_step)[0])
+        return float(self.scores(self._here)[0])
