@@ -151,6 +151,24 @@ def test_a_disturbed_station_is_tried_with_one_look_too(
     assert json.loads(capsys.readouterr().out)["one_look"] == {"rows": [], "comparisons": []}
 
 
+def test_what_is_moved_is_moved_for_the_closed_loop_and_the_open_one(
+    model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """No trial is made up: a journal that is gone on with holds what a whole call gives."""
+    words = ["--model", str(model), "--objects", "blocks-test", "--methods", "random,cem-1", "--disturb", "moved:20mm"]
+    whole = evaluated(capsys, *words, "--trials", "2")
+    assert whole["disturbance"] == "moved:20mm"
+    (row,) = whole["one_look"]["rows"]
+    assert row["trials"] + row["aborted"] == 2
+    out = tmp_path / "trials.jsonl"
+    for trials in ("1", "2"):
+        resumed = evaluated(capsys, *words, "--trials", trials, "--out", str(out))
+    assert resumed["trials"] == whole["trials"]
+    told = ("successes", "trials", "aborted", "mean_steps")
+    assert [resumed["one_look"]["rows"][0][name] for name in told] == [row[name] for name in told]
+    check_refused(capsys, ["evaluate", *words[:-1], "moved:30mm", "--out", str(out)], "moved:30mm")
+
+
 def mistakes(folder: Path) -> dict[str, tuple[list[str], str]]:
     return {
         "two sets": (["--objects", "x,blocks-test,y"], "unknown object set 'x'"),
@@ -160,6 +178,7 @@ def mistakes(folder: Path) -> dict[str, tuple[list[str], str]]:
         "a reference left out": (["--methods", "random", "--against", "cem-1"], "against is 'cem-1'"),
         "an unknown disturbance": (["--disturb", "luck:5mm"], "disturb is 'luck:5mm'"),
         "a disturbance without size": (["--disturb", "hand-eye:0mm"], "disturb is 'hand-eye:0mm'"),
+        "a disturbance too large": (["--disturb", "hand-eye:21deg"], "at most 20 deg, such as hand-eye:2deg"),
         "a folder for a journal": (["--out", str(folder)], "is a folder"),
         "no folder for a journal": (["--out", str(folder / "no" / "t.jsonl")], "--out is"),
         "another file for a journal": (["--out", str(folder / "notes")], "is no journal of an evaluation"),
