@@ -13,6 +13,7 @@ from handsight.cli.opening import check_out_file
 from handsight.cli.options import (
     DEFAULT_GRIPPER,
     DEFAULT_THRESHOLD,
+    DISTURBANCES,
     EVALUATION_SEED,
     METHOD_NAMES,
     MOST_TRIALS,
@@ -70,8 +71,9 @@ def evaluate_command(
         str | None,
         typer.Option(
             metavar="KIND:SIZE",
-            help="Disturb the station; methods are then tried with one look too. hand-eye:5mm or depth-noise:4mm.",
-            autocompletion=words("hand-eye:5mm", "depth-noise:4mm"),
+            help="Disturb the station, and try methods with one look too: "
+            f"{', '.join(DISTURBANCES[:-1])} or {DISTURBANCES[-1]}.",
+            autocompletion=words(*DISTURBANCES),
         ),
     ] = None,
     figure: Annotated[

@@ -27,6 +27,7 @@ METHOD_NAMES = ("random", "cem-5", "cem-1", "first-order", "second-order", "gaus
 """Servo methods, for completion; the registry has them too, and a test that they agree."""
 EXPORT_FORMAT_NAMES = ("hdf5", "zarr", "lerobot")
 FORMAT_NAMES = (*EXPORT_FORMAT_NAMES, "images")
+DISTURBANCES = ("hand-eye:5mm", "hand-eye:2deg", "moved:20mm", "depth-noise:4mm", "depth-noise:d435")
 VARIED_KINDS = ("table", "light", "colour", "friction", "depth-noise", "all")
 """Likewise of other rooms, with a test that they agree."""
 DEFAULT_METHOD = "global"

@@ -39,6 +39,10 @@ class StationFactory(Protocol):
     def objects_per_scene(self) -> int:
         """Largest number of objects in a scene."""
 
+    @property
+    def pushable(self) -> bool:
+        """Whether its stations are :class:`~handsight.collection.station.Pushable`."""
+
     def settings(self) -> dict[str, object]:
         """The station's resolved settings, as JSON values."""
 

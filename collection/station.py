@@ -8,7 +8,7 @@ phase and why. Nothing here assumes that scenes can be reset, that truth is know
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -89,3 +89,16 @@ class Station(Protocol):
 
     def close(self) -> None:
         """Release the station; it cannot be used afterwards."""
+
+
+@runtime_checkable
+class Pushable(Protocol):
+    """A station whose objects can be pushed, as somebody at the table would: for trials in which they do not stay."""
+
+    def push(self, near_m: tuple[float, float], by_m: tuple[float, float]) -> None:
+        """Shift one object along the table and let everything come to rest; the arm stands still.
+
+        Args:
+            near_m: The object nearest to this point of the table is shifted; (x, y) in the base frame [m].
+            by_m: How far, (x, y) in the base frame [m].
+        """

@@ -13,9 +13,9 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
+from handsight.collection.depth_noise import DepthNoise
 from handsight.collection.sim.camera import Light
 from handsight.collection.sim.config import RANDOMIZED
-from handsight.collection.sim.depth_noise import DepthNoise
 from handsight.collection.sim.table_look import TableLook
 
 

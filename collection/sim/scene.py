@@ -18,6 +18,8 @@ PLACEMENT_TRIES = 20
 RESTING_SPEED_M_S = 0.01
 RESTING_SPIN_RAD_S = 0.1
 CHECK_EVERY_TICKS = 12
+SLIDE_SPEED_M_S = 0.1
+"""Of an object that is pushed: what it meets is shoved aside, not struck."""
 
 
 class Scene:
@@ -87,6 +89,33 @@ class Scene:
         for body in self.bodies:
             if self._rests(body):
                 self._bullet.changeDynamics(body, -1, activationState=sleeping)
+
+    def nearest(self, point_m: tuple[float, float]) -> int:
+        """The body whose centre of mass is nearest to a point (x, y) of the table [m]."""
+        distances_m = np.linalg.norm(self.poses()[:, :2] - point_m, axis=1)
+        return self.bodies[int(distances_m.argmin())]
+
+    def slide(self, body: int, by_m: tuple[float, float]) -> int:
+        """Slide an object along the table without turning it, whatever is in its way; returns the number of ticks.
+
+        It is led tick by tick, so that it arrives exactly where it is sent, while others obey the physics.
+
+        Args:
+            body: The object.
+            by_m: How far, along x and y [m].
+        """
+        position, orientation = self._bullet.getBasePositionAndOrientation(body)
+        start_m, by = np.array(position), np.array([*by_m, 0.0])
+        ticks = max(1, math.ceil(math.hypot(*by_m) / SLIDE_SPEED_M_S * self._config.physics_hz))
+        velocity = (by / ticks * self._config.physics_hz).tolist()
+        self._bullet.changeDynamics(body, -1, activationState=pybullet.ACTIVATION_STATE_WAKE_UP)
+        for tick in range(ticks):
+            self._bullet.resetBasePositionAndOrientation(body, (start_m + tick / ticks * by).tolist(), orientation)
+            self._bullet.resetBaseVelocity(body, velocity, (0, 0, 0))
+            self._bullet.stepSimulation()
+        self._bullet.resetBasePositionAndOrientation(body, (start_m + by).tolist(), orientation)
+        self._bullet.resetBaseVelocity(body, (0, 0, 0), (0, 0, 0))
+        return ticks
 
     def _rests(self, body: int) -> bool:
         linear, angular = self._bullet.getBaseVelocity(body)

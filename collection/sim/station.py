@@ -70,6 +70,11 @@ class SimStationFactory:
         """Objects dropped in every scene."""
         return self.config.objects_per_scene
 
+    @property
+    def pushable(self) -> bool:
+        """A simulated object goes wherever it is put."""
+        return True
+
     def settings(self) -> dict[str, object]:
         """The resolved configuration, as JSON values."""
         return self.config.to_json()
@@ -230,6 +235,15 @@ class SimStation:
     def reach(self, pose: PlanarPose) -> None:
         """Move to ``pose`` at the pre-grasp height."""
         self._arm.move_joints(pose.pose_base_tool(self._config.pregrasp_height_m), self._step, phase="reach")
+
+    def push(self, near_m: tuple[float, float], by_m: tuple[float, float]) -> None:
+        """Slide the object nearest to a point of the table, and let everything come to rest; the arm stands still.
+
+        Raises:
+            SceneUnsettledError: Something still moves at ``settle_limit_s``.
+        """
+        self._ticks += self._scene.slide(self._scene.nearest(near_m), by_m)
+        self._ticks += self._scene.settle()
 
     def descend(self) -> Descent:
         """Straight down to table height or until contact, slowly where contact is near, with a hand that yields."""

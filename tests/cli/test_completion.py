@@ -17,6 +17,7 @@ from handsight.collection.sim.config import RANDOMIZED
 from handsight.collection.sim.objects.catalogue import OBJECT_SETS
 from handsight.datasets import EXPORT_FORMATS, FORMATS, GraspDataset
 from handsight.datasets.reading.attempt_ids import resolve_attempt_ids
+from handsight.evaluation.disturbance import EXAMPLES
 from handsight.servoing.methods.registry import METHODS
 
 PROGRAM = "import sys; from handsight.cli.app import main; main()"
@@ -126,6 +127,7 @@ def test_values_of_options(lab: Path) -> None:
     assert set(OBJECT_SETS) <= set(completed("handsight collect sim x --objects "))
     assert completed(f"handsight dataset export {lab} x -f ") == list(EXPORT_FORMATS)
     assert completed("handsight dataset import x y -f ") == [one.name for one in FORMATS]
+    assert completed("handsight evaluate --disturb ") == list(EXAMPLES)
     assert completed("handsight collect sim x --vary ") == [*RANDOMIZED, "all"]
 
 

@@ -151,6 +151,19 @@ def test_a_disturbed_station_is_tried_with_one_look_too(
     assert json.loads(capsys.readouterr().out)["one_look"] == {"rows": [], "comparisons": []}
 
 
+def test_what_is_moved_is_moved_for_the_closed_loop_and_the_open_one(
+    model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """No trial is made up; and a journal of one size is none of another."""
+    out = tmp_path / "trials.jsonl"
+    words = ["--model", str(model), "--objects", "blocks-test", "--methods", "random,cem-1", "--trials", "1"]
+    results = evaluated(capsys, *words, "--disturb", "moved:20mm", "--out", str(out))
+    assert results["disturbance"] == "moved:20mm"
+    assert [row["method"] for row in results["one_look"]["rows"]] == ["cem-1, one look"]
+    assert [row["trials"] + row["aborted"] for row in (*results["rows"], *results["one_look"]["rows"])] == [1, 1, 1]
+    check_refused(capsys, ["evaluate", *words, "--disturb", "moved:30mm", "--out", str(out)], "moved:30mm")
+
+
 def mistakes(folder: Path) -> dict[str, tuple[list[str], str]]:
     return {
         "two sets": (["--objects", "x,blocks-test,y"], "unknown object set 'x'"),
@@ -160,6 +173,7 @@ def mistakes(folder: Path) -> dict[str, tuple[list[str], str]]:
         "a reference left out": (["--methods", "random", "--against", "cem-1"], "against is 'cem-1'"),
         "an unknown disturbance": (["--disturb", "luck:5mm"], "disturb is 'luck:5mm'"),
         "a disturbance without size": (["--disturb", "hand-eye:0mm"], "disturb is 'hand-eye:0mm'"),
+        "a disturbance too large": (["--disturb", "hand-eye:21deg"], "at most 20 deg, such as hand-eye:2deg"),
         "a folder for a journal": (["--out", str(folder)], "is a folder"),
         "no folder for a journal": (["--out", str(folder / "no" / "t.jsonl")], "--out is"),
         "another file for a journal": (["--out", str(folder / "notes")], "is no journal of an evaluation"),

@@ -12,6 +12,7 @@ from handsight.cli.options import DEFAULT_METHOD, DEFAULT_THRESHOLD, EVALUATION_
 from handsight.collection.sim.objects.catalogue import OBJECT_SETS
 from handsight.datasets import EXPORT_FORMATS, FORMATS, VIEWPOINTS
 from handsight.datasets.curation.folds import GROUPINGS
+from handsight.evaluation.disturbance import EXAMPLES
 from handsight.evaluation.evaluate import EvaluationSettings
 from handsight.servoing.loop import ServoSettings
 from handsight.servoing.methods.registry import METHODS
@@ -78,6 +79,7 @@ def test_what_help_says_in_words_is_what_there_is(capsys: pytest.CaptureFixture[
     for words in (("dataset", "materialize"), ("train",)):
         assert "|".join(VIEWPOINTS) in page(capsys, *words)
     assert "|".join(GROUPINGS) in page(capsys, "dataset", "folds")
+    assert f"{', '.join(EXAMPLES[:-1])} or {EXAMPLES[-1]}." in page(capsys, "evaluate")
 
 
 def test_defaults_of_options_are_those_of_the_rooms() -> None:

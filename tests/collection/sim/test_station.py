@@ -14,7 +14,8 @@ from handsight.collection.errors import ObjectSetError, SceneUnsettledError, Sta
 from handsight.collection.policy import Pregrasp, UniformPolicy
 from handsight.collection.sim.config import MOST_REDRAWS, SimConfig
 from handsight.collection.sim.station import UNSETTLED_SCENES, SimStation, SimStationFactory
-from handsight.datasets.records import PHASES, GraspAttempt, Outcome, SceneObjects
+from handsight.collection.station import Pushable
+from handsight.datasets.records import PHASES, GraspAttempt, Outcome, RgbdFrame, SceneObjects
 from handsight.servoing.planar import PlanarPose
 
 CLOCK_TIMES = {"started_ns", "elapsed_ns"}
@@ -172,6 +173,26 @@ def test_an_unreachable_move_leaves_the_arm_where_it_is(station: SimStation) -> 
     with pytest.raises(UnreachableError):
         station.reach(PlanarPose(x_m=2.0, y_m=0.0, angle_rad=0.0))
     np.testing.assert_array_equal(station.look().pose_base_tool, before)
+
+
+def test_what_is_pushed_moves_in_the_picture_and_the_arm_does_not(station: SimStation) -> None:
+    assert isinstance(station, Pushable)
+    assert SimStationFactory(config=SimConfig()).pushable
+
+    def pushed() -> tuple[RgbdFrame, RgbdFrame, float]:
+        scene = station.reset(np.random.default_rng(4))
+        x_m, y_m = scene.pose_base_object[scene.target, :2].tolist()
+        station.reach(PlanarPose(x_m=x_m, y_m=y_m, angle_rad=0.3))
+        before, began_s = station.look(), station.clock_s
+        station.push((x_m, y_m), (0.04, 0.0))
+        return before, station.look(), station.clock_s - began_s
+
+    before, after, took_s = pushed()
+    np.testing.assert_allclose(after.pose_base_tool, before.pose_base_tool, atol=1e-3)
+    # The object under the gripper is nearer than the table, and 40 mm are dozens of pixels.
+    assert (np.abs(after.depth.astype(int) - before.depth) > 10).sum() > 500
+    assert 0.4 <= took_s <= 5.0
+    assert content(pushed()[1]) == content(after)
 
 
 def test_objects_that_never_rest_abort_the_attempt() -> None:

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from handsight.collection.sim.depth_noise import BASELINE_M, DISPARITY_STEP_PX, FOV_X_RAD, DepthNoise
+from handsight.collection.depth_noise import BASELINE_M, DISPARITY_STEP_PX, FOV_X_RAD, DepthNoise
 
 FOCAL_PX = 320 / math.tan(0.5 * FOV_X_RAD)
 NEARLY_EXACT = DepthNoise(subpixel_px=1e-9, seed=1)
