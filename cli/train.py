@@ -35,7 +35,7 @@ def train_command(
     channels: Annotated[Literal["rgbd", "rgb", "depth"], typer.Option(help="What the network reads.")] = "rgbd",
     epochs: Annotated[
         int,
-        typer.Option(max=MOST_EPOCHS, help="Most passes over the data; fewer once held-out attempts say so."),
+        typer.Option(max=MOST_EPOCHS, help="Most passes over the data; there are fewer where more would not help."),
     ] = 40,
     batch: Annotated[int, typer.Option(max=1_000_000, help="Inputs per step.")] = 200,
     viewpoint: Annotated[
