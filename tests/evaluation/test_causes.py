@@ -63,7 +63,7 @@ def test_causes_add_up_to_the_failures() -> None:
 
 def test_where_it_happened_is_told_beside_the_cause() -> None:
     trials = [
-        failed(0, failure="descend: the arm was blocked", closed_m=None),
+        make_trial(0, success=False, failure="descend: the arm was blocked"),
         failed(1, failure="lift: the arm was blocked", closed_m=0.02),
         failed(2, failure="lift: the arm was blocked", closed_m=0.02),
         failed(3, closed_m=0.02, lifted_m=0.001),
