@@ -49,6 +49,15 @@ NOUNS = (
         kept="no trial is kept but those in --out, with which the same call goes on",
     ),
     LazyCommand(
+        "prediction",
+        "prediction:prediction_command",
+        "Measure how wrong predicted pictures are.",
+        (
+            "handsight prediction --model runs/rgbd",
+            "handsight prediction --model runs/rgbd --objects blocks-test --scenes 50 --json",
+        ),
+    ),
+    LazyCommand(
         "heatmap",
         "heatmap:heatmap_command",
         "Record heatmaps of predicted success.",

@@ -2,13 +2,17 @@
 
 What is known of a grasp: whether a phase stopped, at which height and force the descent ended, the jaws' opening after
 each phase, and where somebody can tell, whether an object was held in truth. Whether it was a finger or the palm that
-landed on the object is not known.
+landed on the object is not known. Beside the causes stands the phase in which it happened: where the arm was blocked,
+where an object was lost, and what ended the trials that do not count.
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Final, TypedDict
+
+from handsight.datasets.records import PHASES
 
 if TYPE_CHECKING:
     from handsight.evaluation.trial import Trial
@@ -45,6 +49,13 @@ class CausesRow(TypedDict):
     """Failures of each of ``CAUSES``; they add up to ``failures``."""
     unsure: int
     """Failures whose score at the grasp was below the threshold: no better pose was found within the limit of moves."""
+    blocked_in: dict[str, int]
+    """Failures for a blocked arm, by the phase that did not complete."""
+    lost_in: dict[str, int]
+    """Objects gripped and lost, by whether the lift or the shakes lost them; one held after both is in neither."""
+    aborted_in: dict[str, int]
+    """Trials that do not count, by what ended them: ``settle`` for a scene that did not come to rest, ``reach`` for a
+    start out of reach, ``look`` for the camera, and ``inputs`` for pictures without depth and scores that are none."""
 
 
 def cause_of(trial: Trial, closed_width_m: float) -> str | None:
@@ -78,9 +89,9 @@ def causes_rows(
         closed_width_m: Openings at or below this count as closed [m].
         threshold: Predicted success above which a grasp is executed at once.
     """
-    counted = [trial for trial in trials if not trial.aborted]
+    everything = list(trials)
     return [
-        _row([trial for trial in counted if trial.method == name], name, objects, closed_width_m, threshold)
+        _row([trial for trial in everything if trial.method == name], name, objects, closed_width_m, threshold)
         for name in methods
     ]
 
@@ -90,8 +101,11 @@ def _on_object(trial: Trial) -> bool:
     return touched and trial.contact_height_m is not None and trial.contact_height_m > TABLE_CONTACT_M
 
 
-def _row(trials: list[Trial], method: str, objects: str, closed_width_m: float, threshold: float) -> CausesRow:
+def _row(everything: list[Trial], method: str, objects: str, closed_width_m: float, threshold: float) -> CausesRow:
+    trials = [trial for trial in everything if not trial.aborted]
     causes = [cause_of(trial, closed_width_m) for trial in trials]
+    told = list(zip(trials, causes, strict=True))
+    lost = [trial for trial, cause in told if cause in (ON_OBJECT_LOST, AT_TABLE_LOST)]
     failures = [trial for trial in trials if not trial.success]
     return CausesRow(
         method=method,
@@ -100,4 +114,24 @@ def _row(trials: list[Trial], method: str, objects: str, closed_width_m: float, 
         failures=len(failures),
         causes={name: causes.count(name) for name in CAUSES},
         unsure=sum(trial.score is not None and trial.score < threshold for trial in failures),
+        blocked_in=_tally(_phase(trial) for trial, cause in told if cause == BLOCKED),
+        lost_in=_tally(where for trial in lost if (where := _lost_in(trial, closed_width_m))),
+        aborted_in=_tally(_phase(trial) for trial in everything if trial.aborted),
     )
+
+
+def _phase(trial: Trial) -> str:
+    """The phase that did not complete; errors of phases begin with its name, those of pictures and scores do not."""
+    phase = trial.failure.partition(":")[0]
+    return phase if phase in PHASES else "inputs"
+
+
+def _lost_in(trial: Trial, closed_width_m: float) -> str | None:
+    if trial.lifted_m is not None and trial.lifted_m <= closed_width_m:
+        return "lift"
+    return "shakes" if trial.final_m is not None and trial.final_m <= closed_width_m else None
+
+
+def _tally(names: Iterable[str]) -> dict[str, int]:
+    """How often each occurs, the most frequent first."""
+    return dict(Counter(names).most_common())

@@ -101,6 +101,13 @@ def print_causes(rows: Sequence[CausesRow]) -> None:
         for name, count in row["causes"].items():
             if count:
                 console.print(f"    {count:>4}  {name}")
+        for what, phases in (
+            ("blocked in", row["blocked_in"]),
+            ("lost in", row["lost_in"]),
+            ("not counted, ended by", row["aborted_in"]),
+        ):
+            if phases:
+                console.print(f"          {what}: {', '.join(f'{name} {count}' for name, count in phases.items())}")
     console.print()
 
 

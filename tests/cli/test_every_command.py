@@ -18,7 +18,7 @@ from handsight.datasets.curation.curator import Curator
 from handsight.datasets.curation.saved_filters import save_filter
 
 READS = "dataset decisions|dataset diff|dataset doctor|dataset info|dataset log|dataset verify|objects ls"
-DRAWS = "collect picture|dataset ls|dataset show|dataset stats|dataset suspect|heatmap|servo"
+DRAWS = "collect picture|dataset ls|dataset show|dataset stats|dataset suspect|heatmap|prediction|servo"
 ADDS = "collect sim|dataset export|dataset init|dataset materialize|dataset release|evaluate"
 UNTRIED = {
     **dict.fromkeys(READS.split("|"), "changes nothing"),
@@ -69,8 +69,8 @@ CALLS = (
     "objects ls",
     "train {data} --out {new} --epochs 1",
 )
-LONG = {"collect sim", "dataset suspect", "demo", "evaluate", "heatmap", "servo"}
-"""Of which test_command_line.py and dataset/test_suspect.py read the JSON."""
+LONG = {"collect sim", "dataset suspect", "demo", "evaluate", "heatmap", "prediction", "servo"}
+"""Of which test_command_line.py, test_prediction.py and dataset/test_suspect.py read the JSON."""
 
 REFUSED = (
     "collect picture --out {nowhere}/x.png",
@@ -109,6 +109,7 @@ REFUSED = (
     "evaluate --model {nowhere}",
     "heatmap {data} --model {nowhere}",
     "objects import {nowhere} --name x",
+    "prediction --model {nowhere}",
     "servo --model {nowhere}",
     "train {data} --out {file}",
 )

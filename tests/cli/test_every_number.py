@@ -43,6 +43,7 @@ NOTHING = {
     "evaluate": "--model {nowhere}",
     "heatmap": "{nowhere} --model {nowhere}",
     "objects import": "{nowhere} --name kitchen",
+    "prediction": "--model {nowhere}",
     "servo": "--model {nowhere}",
     "train": "{nowhere} --out {nowhere}",
 }

@@ -59,3 +59,22 @@ def test_causes_add_up_to_the_failures() -> None:
     assert list(row["causes"]) == list(CAUSES)
     assert sum(row["causes"].values()) == row["failures"]
     assert row["causes"][causes.AT_TABLE_LOST] == row["causes"][causes.AT_TABLE_EMPTY] == 1
+
+
+def test_where_it_happened_is_told_beside_the_cause() -> None:
+    trials = [
+        make_trial(0, success=False, failure="descend: the arm was blocked"),
+        failed(1, failure="lift: the arm was blocked", closed_m=0.02),
+        failed(2, failure="lift: the arm was blocked", closed_m=0.02),
+        failed(3, closed_m=0.02, lifted_m=0.001),
+        failed(4, closed_m=0.02, lifted_m=0.02, at_m=0.05, force_n=12),
+        make_trial(5, success=False, aborted=True, failure="settle: objects still moved after 5 s"),
+        make_trial(6, success=False, aborted=True, failure="reach: out of reach"),
+        make_trial(7, success=False, aborted=True, failure="3 of 4 scores are not in [0, 1]"),
+        make_trial(8),
+    ]
+    (row,) = causes_rows(trials, objects="o", methods=("cem-1",), closed_width_m=CLOSED_M, threshold=0.95)
+    assert row["blocked_in"] == {"lift": 2, "descend": 1}
+    assert row["lost_in"] == {"lift": 1, "shakes": 1}
+    assert row["aborted_in"] == {"settle": 1, "reach": 1, "inputs": 1}
+    assert sum(row["blocked_in"].values()) == row["causes"][causes.BLOCKED]
