@@ -49,6 +49,15 @@ NOUNS = (
         kept="no trial is kept but those in --out, with which the same call goes on",
     ),
     LazyCommand(
+        "clearance",
+        "clearance:clearance_command",
+        "Clear tables object by object.",
+        (
+            "handsight clearance --model runs/rgbd",
+            "handsight clearance --model runs/rgbd --methods random,cem-1 --objects clutter-test --tables 50",
+        ),
+    ),
+    LazyCommand(
         "prediction",
         "prediction:prediction_command",
         "Measure how wrong predicted pictures are.",

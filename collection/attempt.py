@@ -96,9 +96,18 @@ def begin_attempt(progress: AttemptProgress, policy: PregraspPolicy, streams: At
     Raises:
         PhaseError: A phase did not complete; ``progress`` holds what was measured before it.
     """
-    station = progress.station
-    progress.scene = station.reset(streams.scene)
+    progress.scene = progress.station.reset(streams.scene)
     progress.book("settle")
+    approach(progress, policy, streams)
+
+
+def approach(progress: AttemptProgress, policy: PregraspPolicy, streams: AttemptStreams) -> None:
+    """In a scene that is there: the overhead picture, and the move to the pre-grasp pose that ``policy`` chooses.
+
+    Raises:
+        PhaseError: A phase did not complete; ``progress`` holds what was measured before it.
+    """
+    station = progress.station
     progress.overhead = station.look()
     progress.book("look")
     chosen = policy.choose(station, progress.scene, streams.policy)

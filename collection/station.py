@@ -91,6 +91,30 @@ class Station(Protocol):
         """Release the station; it cannot be used afterwards."""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LeftOver:
+    """A scene after a grasp."""
+
+    taken: int
+    """Objects that were taken away."""
+    scene: SceneObjects | None
+    """The objects left, with the next target drawn among those in reach; None where none is in reach."""
+
+
+@runtime_checkable
+class ClearingStation(Station, Protocol):
+    """A station whose scene stays for the next grasp, so that a table can be cleared."""
+
+    def go_on(self, rng: np.random.Generator, *, held: bool) -> LeftOver:
+        """Prepare the next grasp in the same scene, with the arm at the overhead pose and the jaws open.
+
+        What the jaws hold is taken away if ``held`` says that the grasp succeeded, and falls otherwise.
+
+        Raises:
+            PhaseError: The objects left do not come to rest.
+        """
+
+
 @runtime_checkable
 class Pushable(Protocol):
     """A station whose objects can be pushed, as somebody at the table would: for trials in which they do not stay."""

@@ -9,7 +9,9 @@ An arm that is then blocked, and cannot be lowered or lifted, has failed for tha
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -96,19 +98,46 @@ def run_trial(
     """
     progress = AttemptProgress(station=station)
     streams = AttemptStreams.from_seed(attempt_seed(seed, number))
+    begin = partial(begin_attempt, progress, UniformPolicy(), streams)
+    looks = 1 if one_look else None
+    trial, trace = servo_and_grasp(
+        progress, begin, scorer, method, number, rng=streams.servo, settings=settings, looks=looks
+    )
+    return trial, _recording(progress, trial, trace)
+
+
+def servo_and_grasp(
+    progress: AttemptProgress,
+    begin: Callable[[], None],
+    scorer: GraspScorer | None,
+    method: str,
+    number: int,
+    *,
+    rng: np.random.Generator,
+    settings: ServoSettings,
+    looks: int | None = None,
+) -> tuple[Trial, ServoTrace | None]:
+    """Begin, servo and grasp, on whatever scene ``begin`` leaves; aborted or not as :func:`run_trial` says.
+
+    Args:
+        progress: What is measured goes there.
+        begin: Takes the overhead picture and leaves the gripper at the start.
+        scorer: The network; None for methods that do not servo.
+        method: Name of the method.
+        number: Of the trial.
+        rng: Source of the method's randomness.
+        settings: When to stop.
+        looks: Pictures after which is grasped unseen; None for as many as the method needs.
+    """
     trace: ServoTrace | None = None
     try:
-        begin_attempt(progress, UniformPolicy(), streams)
+        begin()
         _check_depth(progress)
         if scorer is not None and METHODS[method].settings is not None:
-            looks = 1 if one_look else None
-            trace = servo_on_station(
-                station, scorer, METHODS[method], settings=settings, rng=streams.servo, looks=looks
-            )
+            trace = servo_on_station(progress.station, scorer, METHODS[method], settings=settings, rng=rng, looks=looks)
     except (PhaseError, ImageError, ScoreError) as error:
         return _aborted(number, method, error), None
-    trial = _grasped(progress, number, method, trace)
-    return trial, _recording(progress, trial, trace)
+    return _grasped(progress, number, method, trace), trace
 
 
 def _check_depth(progress: AttemptProgress) -> None:

@@ -83,6 +83,11 @@ class Scene:
         self.sleep()
         return tick
 
+    def remove(self, body: int) -> None:
+        """Take an object away; what it carried falls with the next steps."""
+        self._bullet.removeBody(body)
+        self.bodies.remove(body)
+
     def sleep(self) -> None:
         """Let every object that rests sleep until something touches it."""
         sleeping = pybullet.ACTIVATION_STATE_ENABLE_SLEEPING | pybullet.ACTIVATION_STATE_SLEEP
@@ -124,7 +129,7 @@ class Scene:
     def poses(self) -> NDArray[np.float64]:
         """Position and quaternion of every object, x y z qx qy qz qw. Shape (M, 7)."""
         states = [self._bullet.getBasePositionAndOrientation(body) for body in self.bodies]
-        return np.array([(*position, *orientation) for position, orientation in states])
+        return np.array([(*position, *orientation) for position, orientation in states]).reshape(-1, 7)
 
 
 def _random_rotation(rng: np.random.Generator) -> tuple[float, float, float, float]:

@@ -27,7 +27,7 @@ from handsight.collection.sim.randomization import Randomization, condition_name
 from handsight.collection.sim.renderer import EmptyClients, renderer_named
 from handsight.collection.sim.scene import Scene
 from handsight.collection.sim.table import TABLE_FRICTION, add_table, wooden_table
-from handsight.collection.station import Descent, Workspace
+from handsight.collection.station import Descent, LeftOver, Workspace
 from handsight.datasets.errors import counted
 from handsight.datasets.records import RgbdFrame, SceneObjects, StationSpec
 from handsight.servoing.planar import PlanarPose
@@ -162,8 +162,32 @@ class SimStation:
                     ) from error
         # The arm stands above what falls, untouched: it costs nothing while it is not there yet.
         self._add_arm()
+        self._chosen = chosen
+        return self._scene_objects(poses, target, unsettled)
+
+    def go_on(self, rng: np.random.Generator, *, held: bool) -> LeftOver:
+        """Prepare the next grasp in the same scene; see :class:`~handsight.collection.station.ClearingStation`.
+
+        The arm is put there at once: on its way it would meet nothing.
+        """
+        gone = self._held_bodies() if held else []
+        self._chosen = self._chosen[[body not in gone for body in self._scene.bodies]]
+        for body in gone:
+            self._scene.remove(body)
+        self._bullet.setPhysicsEngineParameter(numSolverIterations=self._config.solver_iterations)
+        self._arm.hand.place_fingers(self._config.gripper_stroke_m)
+        self._arm.hand.drive_fingers(opening_m_s=CLOSE_SPEED_M_S)
+        self._place_overhead()
+        self._ticks += self._scene.settle()
+        poses = self._scene.poses()
+        scene = None
+        if self._in_workspace(poses):
+            scene = self._scene_objects(poses, self._choose_target(poses, rng), unsettled=0)
+        return LeftOver(taken=len(gone), scene=scene)
+
+    def _scene_objects(self, poses: NDArray[np.float64], target: int, unsettled: int) -> SceneObjects:
         return SceneObjects(
-            catalogue_index=chosen.astype(np.int16),
+            catalogue_index=self._chosen.astype(np.int16),
             pose_base_object=poses,
             target=target,
             conditions=np.array([unsettled, *self._randomization.values()], dtype=np.float64),
@@ -196,6 +220,9 @@ class SimStation:
 
     def _add_arm(self) -> None:
         self._arm = Arm(self._bullet, self._arm_urdf, self._config)
+        self._place_overhead()
+
+    def _place_overhead(self) -> None:
         overhead = PlanarPose(x_m=self._centre[0], y_m=self._centre[1], angle_rad=0.0)
         self._arm.place(overhead.pose_base_tool(self._config.overhead_height_m))
 
@@ -205,15 +232,19 @@ class SimStation:
         return 0.5 * (area.x_min_m + area.x_max_m), 0.5 * (area.y_min_m + area.y_max_m)
 
     def _choose_target(self, poses: NDArray[np.float64], rng: np.random.Generator) -> int:
+        inside = self._in_workspace(poses)
+        if not inside:
+            raise SceneUnsettledError("every object rolled out of the workspace")
+        return int(rng.choice(inside))
+
+    def _in_workspace(self, poses: NDArray[np.float64]) -> list[int]:
+        """Which objects lie where they can be grasped."""
         area = self._config.workspace
-        inside = [
+        return [
             index
             for index, (x_m, y_m) in enumerate(poses[:, :2])
             if area.x_min_m <= x_m <= area.x_max_m and area.y_min_m <= y_m <= area.y_max_m
         ]
-        if not inside:
-            raise SceneUnsettledError("every object rolled out of the workspace")
-        return int(rng.choice(inside))
 
     def look(self) -> RgbdFrame:
         """Render the hand camera."""
@@ -297,8 +328,12 @@ class SimStation:
 
     def held_in_truth(self) -> bool:
         """Whether some object is off the table with a finger pressing on it, gripper lifted."""
+        return bool(self._held_bodies())
+
+    def _held_bodies(self) -> list[int]:
+        """Objects off the table that a finger presses on."""
         lifted = [body for body in self._scene.bodies if self._bullet.getAABB(body)[0][2] > LIFTED_M]
-        return any(map(self._arm.hand.touches, lifted))
+        return [body for body in lifted if self._arm.hand.touches(body)]
 
     def _step(self) -> None:
         self._bullet.stepSimulation()

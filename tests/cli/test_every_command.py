@@ -17,7 +17,7 @@ from handsight.datasets import GraspDataset, GraspRepository, Selection, export_
 from handsight.datasets.curation.curator import Curator
 from handsight.datasets.curation.saved_filters import save_filter
 
-READS = "dataset decisions|dataset diff|dataset doctor|dataset info|dataset log|dataset verify|objects ls"
+READS = "clearance|dataset decisions|dataset diff|dataset doctor|dataset info|dataset log|dataset verify|objects ls"
 DRAWS = "collect picture|dataset ls|dataset show|dataset stats|dataset suspect|heatmap|prediction|servo"
 ADDS = "collect sim|dataset export|dataset init|dataset materialize|dataset release|evaluate"
 UNTRIED = {
@@ -69,10 +69,11 @@ CALLS = (
     "objects ls",
     "train {data} --out {new} --epochs 1",
 )
-LONG = {"collect sim", "dataset suspect", "demo", "evaluate", "heatmap", "prediction", "servo"}
-"""Of which test_command_line.py, test_prediction.py and dataset/test_suspect.py read the JSON."""
+LONG = {"clearance", "collect sim", "dataset suspect", "demo", "evaluate", "heatmap", "prediction", "servo"}
+"""Of which test_command_line.py, test_clearance.py, test_prediction.py and dataset/test_suspect.py read the JSON."""
 
 REFUSED = (
+    "clearance --model {nowhere}",
     "collect picture --out {nowhere}/x.png",
     "collect sim {nowhere}@v1 -n 1",
     "collect sim /proc/grasps -n 1",

@@ -36,6 +36,7 @@ VALUES = (
 LARGEST = "1e308", "-1e308", HUGE, f"-{HUGE}"
 
 NOTHING = {
+    "clearance": "--model {nowhere}",
     "collect picture": "--out {nowhere}/x.png",
     "collect sim": "/proc/grasps",
     "dataset expire": "{nowhere} --older-than 1d",

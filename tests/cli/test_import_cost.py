@@ -78,6 +78,7 @@ REFUSED = {
     "heatmap": ("heatmap {no} --model {no}", "there is no dataset"),
     "heatmap without a run": ("heatmap {grasps} --model {no}", "is no folder"),
     "prediction": ("prediction --model {no}", "is no folder"),
+    "clearance": ("clearance --model {no}", "is no folder"),
     "servo": ("servo --model {no}", "is no folder"),
     "collect by a network": ("collect sim {no} --policy servo", "--model RUN"),
     "collect by a network that is not there": ("collect sim {no} --policy servo --model {no}", "is no folder"),

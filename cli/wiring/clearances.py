@@ -1,0 +1,88 @@
+"""What ``handsight clearance`` does on a simulated station, and how its table looks on the screen."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from handsight.cli.output import console, progress_bar
+from handsight.cli.tables import Column, print_table
+from handsight.cli.wiring.stations import sim_station
+from handsight.evaluation.clearance import ClearanceSettings, clear_tables
+from handsight.evaluation.clearance_rows import clearance_comparisons, clearance_rows, why_nothing_was_cleared
+from handsight.evaluation.evaluate import TrialContextFactory
+from handsight.servoing.methods.registry import METHODS
+from handsight.training.run import load_run
+
+
+def clear_with_model(
+    model: Path, objects: str, settings: ClearanceSettings, *, gripper: str, per_scene: int | None
+) -> dict[str, Any]:
+    """Clear the tables behind a progress bar; returns what ``clearance --json`` prints.
+
+    Raises:
+        ObjectSetError: A set that cannot be used.
+    """
+    station = sim_station(objects, gripper=gripper, per_scene=per_scene)
+    run = load_run(model)
+    factory = TrialContextFactory(open_station=station, run=model, weights_sha256=run.weights_sha256)
+    with progress_bar("tables", settings.tables * len(settings.methods)) as bar:
+        tables = clear_tables(factory, settings, on_table=lambda _: bar.advance())
+    return {
+        "rows": clearance_rows(tables, settings.methods),
+        "comparisons": clearance_comparisons(tables, settings.methods),
+        "fault": why_nothing_was_cleared(tables),
+        "model": str(model),
+        "weights_sha256": run.weights_sha256,
+        "objects": objects,
+        "objects_per_scene": station.objects_per_scene,
+        "gripper": gripper,
+        "seed": settings.seed,
+        "threshold": settings.servo.threshold,
+        "failures": settings.failures,
+        "methods": [METHODS[name].to_json() for name in settings.methods],
+        "tables": [asdict(table) for table in tables],
+    }
+
+
+def print_clearances(results: dict[str, Any]) -> None:
+    """The table, and the methods against the first."""
+    cells = [
+        (
+            row["method"],
+            f"{row['cleared']}/{row['objects']}",
+            f"{row['cleared_share']:.1%}",
+            _interval(row["cleared_ci95"]),
+            f"{row['emptied']}/{row['tables']}",
+            "-" if row["attempts_per_object"] is None else f"{row['attempts_per_object']:.2f}",
+            f"{row['successes']}/{row['attempts']}",
+            f"{row['rate']:.1%}",
+            _interval(row["ci95"]),
+        )
+        for row in results["rows"]
+    ]
+    columns = (
+        "method",
+        Column(heading="cleared", rank=1),
+        "share",
+        Column(heading="95 % interval", rank=2),
+        Column(heading="emptied", rank=3),
+        "per object",
+        Column(heading="grasped", rank=4),
+        "success",
+        Column(heading="95 % interval", rank=2),
+    )
+    print_table(columns, cells)
+    if results["comparisons"]:
+        console.print()
+        console.print("tables of which more was cleared than by the reference; p of the sign test, two-sided")
+        compared = [
+            (row["method"], row["against"], str(row["pairs"]), str(row["won"]), str(row["lost"]), f"{row['p']:.2g}")
+            for row in results["comparisons"]
+        ]
+        print_table(("method", "against", "tables", "won", "lost", "p"), compared)
+
+
+def _interval(ends: tuple[float, float]) -> str:
+    return f"{ends[0]:.1%} - {ends[1]:.1%}"
