@@ -45,7 +45,8 @@ def test_the_demo_leaves_what_it_promises(demo_folder: Path) -> None:
         low, high = row["ci95"]
         assert 0 <= low <= row["rate"] <= high <= 1
     record = json.loads((demo_folder / "run" / "run.json").read_text())
-    assert record["origin"]["digest"] == GraspDataset.open(str(demo_folder / "grasps")).digest
+    (origin,) = record["origins"]
+    assert origin["digest"] == GraspDataset.open(str(demo_folder / "grasps")).digest
 
 
 def test_the_demo_again_does_nothing_twice(demo_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
