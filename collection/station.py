@@ -102,7 +102,7 @@ class LeftOver:
 
 
 @runtime_checkable
-class ClearingStation(Station, Protocol):
+class ClearingStation(Protocol):
     """A station whose scene stays for the next grasp, so that a table can be cleared."""
 
     def go_on(self, rng: np.random.Generator, *, held: bool) -> LeftOver:

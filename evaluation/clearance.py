@@ -17,8 +17,8 @@ import numpy as np
 from handsight.collection.attempt import AttemptProgress, AttemptStreams, approach, attempt_seed, begin_attempt
 from handsight.collection.errors import PhaseError
 from handsight.collection.policy import UniformPolicy
-from handsight.collection.station import ClearingStation
-from handsight.datasets.errors import counted
+from handsight.collection.station import ClearingStation, Station
+from handsight.datasets.errors import below_least, counted
 from handsight.evaluation.errors import EvaluationSettingsError
 from handsight.evaluation.evaluate import TrialContext, TrialContextFactory
 from handsight.evaluation.trial import Trial, servo_and_grasp
@@ -47,12 +47,7 @@ class ClearanceSettings:
 
     def __post_init__(self) -> None:
         check_methods(self.methods)
-        least = {"tables": 1, "failures": 1, "seed": 0, "workers": 1}
-        faults = [
-            f"{name} is {getattr(self, name)}, expected {bound} or more"
-            for name, bound in least.items()
-            if getattr(self, name) < bound
-        ]
+        faults = below_least(self, tables=1, failures=1, seed=0, workers=1)
         if faults:
             raise EvaluationSettingsError("; ".join(faults))
 
@@ -111,9 +106,18 @@ class _Tally:
 
 
 def clear_table(
-    station: ClearingStation, scorer: GraspScorer | None, method: str, number: int, settings: ClearanceSettings
+    station: Station, scorer: GraspScorer | None, method: str, number: int, settings: ClearanceSettings
 ) -> ClearedTable:
-    """Grasp until table ``number`` is clear, or too many grasps in a row bring nothing."""
+    """Grasp until table ``number`` is clear, or too many grasps in a row bring nothing.
+
+    Raises:
+        EvaluationSettingsError: The station cannot go on in the same scene.
+    """
+    if not isinstance(station, ClearingStation):
+        raise EvaluationSettingsError(
+            f"station is {type(station).__name__}, which makes a new scene for every grasp, expected one that "
+            "can go on in the same; use the simulated station"
+        )
     tally, scene = _Tally(), None
     for grasp in itertools.count():
         streams = _streams(settings.seed, number, grasp)
@@ -167,11 +171,6 @@ def clear_tables(
 
 def _of_context(context: TrialContext, task: tuple[int, str], *, settings: ClearanceSettings) -> ClearedTable:
     number, method = task
-    if not isinstance(context.station, ClearingStation):
-        raise EvaluationSettingsError(
-            f"station is {type(context.station).__name__}, which makes a new scene for every grasp, expected one that "
-            "can go on in the same; use the simulated station"
-        )
     return clear_table(context.station, None if method == RANDOM else context.scorer, method, number, settings)
 
 

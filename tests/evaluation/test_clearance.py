@@ -91,9 +91,16 @@ def test_a_scene_that_does_not_come_to_rest_ends_its_table_without_a_grasp() -> 
     assert "settle: scripted" in table.stopped
 
 
-def test_what_can_go_on_is_told_from_what_cannot(station: SimStation) -> None:
-    assert isinstance(station, ClearingStation)
-    assert not isinstance(ScriptedStation(), ClearingStation)
+def test_a_station_clears_its_first_table_and_one_that_cannot_go_on_is_refused() -> None:
+    """A station that has made no scene yet has no arm to be asked for its opening."""
+    fresh = SimStation(SimConfig(objects="blocks-test", objects_per_scene=2))
+    try:
+        assert isinstance(fresh, ClearingStation)
+        assert cleared(fresh, 0, "random").objects == 2
+    finally:
+        fresh.close()
+    with pytest.raises(EvaluationSettingsError, match="ScriptedStation, which makes a new scene for every grasp"):
+        clear_table(ScriptedStation(), None, "random", 0, SETTINGS)
 
 
 @pytest.mark.parametrize("name", ["tables", "failures", "workers"])
