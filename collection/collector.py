@@ -16,7 +16,7 @@ from handsight.collection.attempt import attempt_seed, run_attempt
 from handsight.collection.errors import CollectionSettingsError
 from handsight.collection.policy import PregraspPolicy, UniformPolicy
 from handsight.collection.station import Station
-from handsight.datasets.errors import DatasetError, SessionNotFoundError, counted
+from handsight.datasets.errors import DatasetError, SessionNotFoundError, below_least, counted
 from handsight.datasets.records import GraspAttempt, SessionHeader, StationSpec
 from handsight.jobs.engine import LOCAL, Engine
 from handsight.jobs.errors import WorkerDiedError
@@ -65,16 +65,7 @@ class CollectSettings:
     """Also take a picture at the pre-grasp pose. The paper trains on the overhead one alone (section III-B)."""
 
     def __post_init__(self) -> None:
-        faults = [
-            f"{name} is {value}, expected {least} or more"
-            for name, value, least in (
-                ("attempts", self.attempts, 1),
-                ("seed", self.seed, 0),
-                ("workers", self.workers, 1),
-                ("commit_every", self.commit_every, 1),
-            )
-            if value < least
-        ]
+        faults = below_least(self, attempts=1, seed=0, workers=1, commit_every=1)
         if faults:
             raise CollectionSettingsError("; ".join(faults))
 

@@ -158,6 +158,17 @@ def counted(number: int, noun: str, nouns: str = "") -> str:
     return f"{number} {noun}" if number == 1 else f"{number} {nouns or f'{noun}s'}"
 
 
+def below_least(settings: object, **least: int) -> list[str]:
+    """What is wrong with settings of which some numbers have a least value, one fault for each that is below it.
+
+    Args:
+        settings: Whatever has attributes of these names.
+        least: The least value of each.
+    """
+    values = {name: getattr(settings, name) for name in least}
+    return [f"{name} is {values[name]}, expected {low} or more" for name, low in least.items() if values[name] < low]
+
+
 def pasteable(*words: object) -> str:
     """A call for a message, as it is pasted into a shell: ``'handsight dataset log grasps'``.
 

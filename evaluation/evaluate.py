@@ -11,6 +11,7 @@ import torch
 
 from handsight.collection.collector import StationFactory
 from handsight.collection.station import Station
+from handsight.datasets.errors import below_least
 from handsight.evaluation.errors import EvaluationSettingsError, TrialAbortedError
 from handsight.evaluation.trial import Trial, TrialRecording, run_trial
 from handsight.jobs.ordered import map_ordered
@@ -37,15 +38,7 @@ class EvaluationSettings:
 
     def __post_init__(self) -> None:
         check_methods(self.methods)
-        faults = [
-            f"{name} is {value}, expected {least} or more"
-            for name, value, least in (
-                ("trials", self.trials, 1),
-                ("seed", self.seed, 0),
-                ("workers", self.workers, 1),
-            )
-            if value < least
-        ]
+        faults = below_least(self, trials=1, seed=0, workers=1)
         if faults:
             raise EvaluationSettingsError("; ".join(faults))
 

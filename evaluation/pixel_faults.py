@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from handsight.servoing.camera import HandCamera
 from handsight.servoing.homography import InputGrid, raw_from_input
-from handsight.servoing.planar import PlanarStep
+from handsight.servoing.planar import PlanarPose, PlanarStep
 from handsight.servoing.view import View
 
 SAME_DEPTH_M = 0.005
@@ -79,14 +79,10 @@ def inside(camera: HandCamera, pixels: Points) -> Bools:
 
 def inverse(step: PlanarStep) -> PlanarStep:
     """The step that leads back."""
-    cos, sin = np.cos(step.dangle_rad), np.sin(step.dangle_rad)
-    return PlanarStep(
-        dx_m=float(-cos * step.dx_m - sin * step.dy_m),
-        dy_m=float(sin * step.dx_m - cos * step.dy_m),
-        dangle_rad=-step.dangle_rad,
-    )
+    return _HERE.after(step).step_to(_HERE)
 
 
+_HERE = PlanarPose(x_m=0.0, y_m=0.0, angle_rad=0.0)
 _NO_STEP = PlanarStep(dx_m=0.0, dy_m=0.0, dangle_rad=0.0)
 
 

@@ -57,11 +57,12 @@ def prediction_error(before: View, after: View, step: PlanarStep, scorer: GraspS
     ahead, there = Objective(before, scorer), Objective(after, scorer)
     steps = torch.tensor([[step.dx_m, step.dy_m, step.dangle_rad]], dtype=torch.float32)
     with torch.no_grad():
-        difference = ahead.inputs(steps)[0] - there.inputs_here()
+        predicted = ahead.inputs(steps)
+        difference = predicted[0] - there.inputs_here()
         return PredictionError(
             colour_rms=_rms(difference[:3]),
             height_rms_m=_rms(difference[3]),
-            predicted_score=float(ahead(steps)[0]),
+            predicted_score=float(ahead.scores(predicted)[0]),
             true_score=there.score_here(),
             faults=pixel_faults(before, after, step, grid=scorer.grid),
         )

@@ -21,6 +21,7 @@ from handsight.collection.attempt import AttemptProgress, AttemptStreams, attemp
 from handsight.collection.errors import PhaseError, UnreachableError
 from handsight.collection.policy import UniformPolicy
 from handsight.collection.station import Station
+from handsight.datasets.errors import below_least
 from handsight.datasets.records import RgbdFrame
 from handsight.datasets.views import station_view
 from handsight.evaluation.errors import EvaluationSettingsError
@@ -53,15 +54,7 @@ class SurveySettings:
     workers: int = 2
 
     def __post_init__(self) -> None:
-        faults = [
-            f"{name} is {value}, expected {least} or more"
-            for name, value, least in (
-                ("scenes", self.scenes, 1),
-                ("seed", self.seed, 0),
-                ("workers", self.workers, 1),
-            )
-            if value < least
-        ]
+        faults = below_least(self, scenes=1, seed=0, workers=1)
         if faults:
             raise EvaluationSettingsError("; ".join(faults))
 

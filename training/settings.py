@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from handsight.datasets.errors import counted
+from handsight.datasets.errors import below_least, counted
 from handsight.datasets.inputs.augmentation import Jitter
 from handsight.training.errors import TrainerSettingsError
 from handsight.training.gqn import GqnConfig
@@ -50,12 +50,7 @@ class TrainSettings:
             faults.append(
                 f"{counted(self.epochs, 'epoch')} at batch {self.batch}, expected at least 1 epoch and 2 in a batch"
             )
-        least = {
-            "least_epochs": (self.least_epochs, 1),
-            "patience": (self.patience, 1),
-            "warmup_steps": (self.warmup_steps, 0),
-        }
-        faults += [f"{name} is {value}, expected at least {low}" for name, (value, low) in least.items() if value < low]
+        faults += below_least(self, least_epochs=1, patience=1, warmup_steps=0)
         if not (0 < self.learning_rate < 1 and 0 <= self.weight_decay < 1):
             faults.append(
                 f"learning rate is {self.learning_rate}, weight decay {self.weight_decay}, expected in (0, 1), [0, 1)"

@@ -8,6 +8,7 @@ from typing import Any
 
 from handsight.cli.output import console, progress_bar
 from handsight.cli.tables import Column, print_table
+from handsight.cli.wiring.evaluation_tables import interval
 from handsight.cli.wiring.stations import sim_station
 from handsight.evaluation.clearance import ClearanceSettings, clear_tables
 from handsight.evaluation.clearance_rows import clearance_comparisons, clearance_rows, why_nothing_was_cleared
@@ -53,12 +54,12 @@ def print_clearances(results: dict[str, Any]) -> None:
             row["method"],
             f"{row['cleared']}/{row['objects']}",
             f"{row['cleared_share']:.1%}",
-            _interval(row["cleared_ci95"]),
+            interval(row["cleared_ci95"]),
             f"{row['emptied']}/{row['tables']}",
             "-" if row["attempts_per_object"] is None else f"{row['attempts_per_object']:.2f}",
             f"{row['successes']}/{row['attempts']}",
             f"{row['rate']:.1%}",
-            _interval(row["ci95"]),
+            interval(row["ci95"]),
         )
         for row in results["rows"]
     ]
@@ -82,7 +83,3 @@ def print_clearances(results: dict[str, Any]) -> None:
             for row in results["comparisons"]
         ]
         print_table(("method", "against", "tables", "won", "lost", "p"), compared)
-
-
-def _interval(ends: tuple[float, float]) -> str:
-    return f"{ends[0]:.1%} - {ends[1]:.1%}"

@@ -22,7 +22,7 @@ def print_results(rows: Sequence[ResultRow]) -> None:
             row["objects"],
             f"{row['successes']}/{row['trials']}",
             f"{row['rate']:.1%}" if row["trials"] else "-",
-            _interval(row["ci95"]) if row["trials"] else "-",
+            interval(row["ci95"]) if row["trials"] else "-",
             str(row["aborted"]),
             "-" if row["mean_steps"] is None else f"{row['mean_steps']:.1f}",
             "-" if row["step_ms"] is None else f"{row['step_ms']:.1f}",
@@ -82,7 +82,7 @@ def print_calibration(rows: Sequence[CalibrationRow]) -> None:
             f"{row['mean_score']:.3f}",
             f"{row['successes']}/{row['trials']}",
             f"{row['rate']:.1%}",
-            _interval(row["ci95"]),
+            interval(row["ci95"]),
         )
         for row in rows
     ]
@@ -111,5 +111,6 @@ def print_causes(rows: Sequence[CausesRow]) -> None:
     console.print()
 
 
-def _interval(ends: tuple[float, float]) -> str:
+def interval(ends: tuple[float, float]) -> str:
+    """The ends of an interval of shares, in per cent."""
     return f"{ends[0]:.1%} - {ends[1]:.1%}"
