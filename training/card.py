@@ -128,8 +128,8 @@ def _limits(record: Mapping[str, Any]) -> Iterator[str]:
     else:
         yield (
             "- A score is the predicted chance that a grasp succeeds, among grasps as those of the data. Where grasps "
-            "are chosen by it, or succeed more or less often than there, it has to be compared with what happens: "
-            "`handsight evaluate --calibration` does."
+            "are chosen by it, or succeed more or less often than there, it has to be compared with what happens, as "
+            "`--calibration` of `evaluate` does."
         )
     yield (
         "- Held-out attempts are of the same objects, station and sessions as the others, and the pass that is kept "

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from tests.cli.test_completion import completed
 from tests.support.factories import make_attempt, make_header, record
 from tests.support.runs import ORIGIN, save_untrained
 
@@ -133,12 +132,6 @@ def test_a_screen_fits(
     for line in printed(capsys, "runs", *words.split()).splitlines():
         assert line == line.rstrip()
         assert len(line) <= width or max(map(len, line.split())) == 64, line
-
-
-def test_runs_are_completed(folder: Path) -> None:
-    shutil.copytree(folder / "runs" / "a", folder / "runs" / "another")
-    assert completed(f"handsight runs show {folder}/r") == [f"{folder}/runs/"]
-    assert completed(f"handsight runs compare {folder}/runs/a {folder}/runs/an") == [f"{folder}/runs/another"]
 
 
 def test_a_dataset_names_its_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -40,7 +40,8 @@ def test_every_pass_is_written_when_it_ends(tmp_path: Path) -> None:
     found = curves(folder)
     assert set(found) == {"loss/train", "loss/held_out", "held_out/auc", "held_out/balanced_accuracy"}
     for epoch, (step, value) in zip(trained.history, found["loss/held_out"], strict=True):
-        assert (step, value) == (epoch.number, pytest.approx(epoch.held_out.loss))
+        assert step == epoch.number
+        assert value == pytest.approx(epoch.held_out.loss)
 
 
 def test_a_figure_that_is_none_is_left_out(tmp_path: Path) -> None:

@@ -30,7 +30,7 @@ def origin(name: str, dataset: GraspDataset, view: str = "overhead") -> DataOrig
     return replace(ORIGIN, dataset=name, ref=dataset.ref, snapshot=dataset.snapshot_id, view=view)
 
 
-def save_and_note(folder: Path, seed: int = 0, overwrite: bool = False, **datasets: GraspDataset) -> None:
+def save_and_note(folder: Path, datasets: dict[str, GraspDataset], *, seed: int = 0, overwrite: bool = False) -> None:
     origins = tuple(origin(name, one, view) for name, one in datasets.items() for view in ("overhead", "pregrasp"))
     save_untrained(folder, seed=seed, origins=origins, overwrite=overwrite)
     note_run(folder, datasets)
@@ -38,8 +38,8 @@ def save_and_note(folder: Path, seed: int = 0, overwrite: bool = False, **datase
 
 def test_a_version_names_the_runs_that_were_trained_on_it(grasps: GraspRepository, tmp_path: Path) -> None:
     old, new = GraspDataset(grasps, ref="v1"), GraspDataset(grasps, ref="main")
-    save_and_note(tmp_path / "a", 0, old=old)
-    save_and_note(tmp_path / "b", 1, old=old, new=new)
+    save_and_note(tmp_path / "a", {"old": old})
+    save_and_note(tmp_path / "b", {"old": old, "new": new}, seed=1)
     assert sorted(one.run for one in runs_trained_on(old)) == [str(tmp_path / "a"), str(tmp_path / "b")]
     assert [one.run for one in runs_trained_on(new)] == [str(tmp_path / "b")]
     assert all(one.exists for one in runs_trained_on(old))
@@ -51,7 +51,7 @@ def test_each_dataset_names_the_run_for_its_own_versions(grasps: GraspRepository
     other = GraspRepository.create(tmp_path / "other")
     grow(other, to=1)
     versions = {"a": GraspDataset(grasps, ref="v1"), "b": GraspDataset(other, ref="main")}
-    save_and_note(tmp_path / "run", **versions)
+    save_and_note(tmp_path / "run", versions)
     for version in versions.values():
         (known,) = runs_trained_on(version)
         assert known.run == str(tmp_path / "run")
@@ -60,12 +60,12 @@ def test_each_dataset_names_the_run_for_its_own_versions(grasps: GraspRepository
 @pytest.mark.parametrize("fate", ["gone", "replaced", "damaged", "without weights"])
 def test_a_run_that_is_not_there_any_more_is_told(grasps: GraspRepository, tmp_path: Path, fate: str) -> None:
     version, folder = GraspDataset(grasps, ref="v1"), tmp_path / "run"
-    save_and_note(folder, 0, v=version)
+    save_and_note(folder, {"v": version})
     match fate:
         case "gone":
             shutil.rmtree(folder)
         case "replaced":
-            save_and_note(folder, 1, overwrite=True, v=version)
+            save_and_note(folder, {"v": version}, seed=1, overwrite=True)
         case "damaged":
             (folder / RUN_RECORD).write_text("{")
         case _:
