@@ -355,6 +355,31 @@ def test_a_run_that_is_being_replaced_is_at_any_moment_the_old_one_or_the_new_on
     assert not (run_folder / NEXT_WEIGHTS).exists()
 
 
+@pytest.mark.parametrize("steps", range(4))
+def test_a_run_that_is_saved_where_none_was_has_its_card_from_the_beginning(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, steps: int
+) -> None:
+    replace_file, done = Path.replace, 0
+
+    def dies(path: Path, target: Path) -> Path:
+        nonlocal done
+        if done == steps:
+            raise KeyboardInterrupt
+        done += 1
+        return replace_file(path, target)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "replace", dies)
+        with pytest.raises(KeyboardInterrupt):
+            save_another(tmp_path / "run", overwrite=False)
+    assert (tmp_path / "run" / RUN_RECORD).exists() == (steps == 3)
+    if steps == 3:
+        assert check_files(tmp_path / "run", load_run(tmp_path / "run").record).card == "current"
+    else:
+        save_another(tmp_path / "run", overwrite=False)
+        assert {path.name for path in (tmp_path / "run").iterdir()} == {RUN_RECORD, WEIGHTS, CARD}
+
+
 def test_the_network_and_its_settings_agree_when_a_run_is_saved(tmp_path: Path) -> None:
     network = GraspQualityNetwork(SMALL.network)
     with pytest.raises(NetworkSettingsError, match="expected that they agree"):
