@@ -37,6 +37,7 @@ NOUNS = (
         ),
         kept="no run was written; the network inputs that were made are kept for the next call",
     ),
+    LazyCommand("runs", "runs:runs_app", "List, inspect and compare trained runs."),
     LazyCommand(
         "evaluate",
         "evaluate:evaluate_command",

@@ -92,6 +92,22 @@ def _datasets(ctx: typer.Context, incomplete: str) -> Iterable[str]:
     return (f"{folder}{slash}{name}{'' if name in datasets else '/'}" for name in sorted(names))
 
 
+def _runs(ctx: typer.Context, incomplete: str) -> Iterable[str]:
+    """Runs, and the folders beside them; nothing where there is neither, so that the shell offers its files."""
+    from handsight.training.run_folder import RUN_RECORD
+
+    folder, slash, beginning = incomplete.rpartition("/")
+    start = Path(folder + slash or ".").expanduser()
+    names = sorted(
+        entry.name
+        for entry in islice(os.scandir(start), _MOST_LOOKED_AT)
+        if entry.name.startswith(beginning)
+        and entry.is_dir()
+        and entry.name.startswith(".") == beginning.startswith(".")
+    )
+    return (f"{folder}{slash}{name}{'' if (start / name / RUN_RECORD).is_file() else '/'}" for name in names)
+
+
 def _refs(path: str, *, releases: bool = True) -> list[str]:
     repository = _version(path).repository
     return [*(repository.releases() if releases else ()), *repository.branches()]
@@ -194,6 +210,7 @@ def _several_object_sets(ctx: typer.Context, incomplete: str) -> Iterable[str]:
 complete_version = _offered(_versions)
 complete_branch = _offered(_branches)
 complete_dataset = _offered(_datasets)
+complete_run = _offered(_runs)
 complete_other_version = _offered(_other_versions)
 complete_ref = _offered(_refs_there)
 complete_branch_name = _offered(_branches_there)

@@ -74,6 +74,11 @@ def screen_width() -> int:
     return shutil.get_terminal_size().columns
 
 
+def written(iso: str) -> str:
+    """A time in UTC as ISO 8601 has it, for a column whose heading says that it is UTC."""
+    return iso.replace("T", " ", 1).removesuffix("+00:00")
+
+
 def short_time(written: str) -> str:
     """A time to the minute."""
     return written[: len("2026-01-31 12:00")]

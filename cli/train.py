@@ -14,6 +14,7 @@ from handsight.cli.options import MOST_EPOCHS, Datasets, DryRun, Json, Seed
 from handsight.cli.output import bold, console, print_json, progress_bar
 from handsight.datasets.errors import counted
 from handsight.datasets.inputs.viewpoint import DEFAULT_VIEWPOINT
+from handsight.training.event_files import check_tensorboard, event_files
 from handsight.training.run_folder import RUN_RECORD, check_run_folder
 
 if TYPE_CHECKING:
@@ -46,6 +47,9 @@ def train_command(
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Replace a run that is there, once the new one is trained.")
     ] = False,
+    tensorboard: Annotated[
+        bool, typer.Option("--tensorboard", help="Write losses and figures to RUN/tensorboard after every pass.")
+    ] = False,
     dry_run: DryRun = False,
     as_json: Json = False,
 ) -> None:
@@ -57,6 +61,8 @@ def train_command(
     for dataset in datasets:
         checked_address(dataset)
     check_run_folder(out, overwrite=overwrite)
+    if tensorboard:
+        check_tensorboard()
     from handsight.training.gqn import GqnConfig
     from handsight.training.settings import TrainSettings
 
@@ -66,7 +72,7 @@ def train_command(
     if dry_run:
         _print_plan(opened, out, pictures, as_json=as_json)
         return
-    trained = train_to_folder(opened, out, settings, viewpoints=pictures, overwrite=overwrite)
+    trained = train_to_folder(opened, out, settings, viewpoints=pictures, overwrite=overwrite, tensorboard=tensorboard)
     if as_json:
         print_json({"run": out, "epoch": trained.kept})
     else:
@@ -137,6 +143,7 @@ def train_to_folder(
     *,
     viewpoints: Sequence[ViewpointName],
     overwrite: bool = False,
+    tensorboard: bool = False,
 ) -> Trained:
     """Materialize, train and save behind progress bars.
 
@@ -148,10 +155,12 @@ def train_to_folder(
         settings: The recipe.
         viewpoints: Pictures that are warped to the grasp, all that a dataset has of these.
         overwrite: Whether a run may be replaced.
+        tensorboard: Whether event files are written below the folder.
     """
     check_run_folder(out, overwrite=overwrite)
     from handsight.datasets.inputs.mixture import mixed
     from handsight.servoing.homography import InputGrid
+    from handsight.training.lineage import note_run
     from handsight.training.run import save_run
     from handsight.training.trainer import train
 
@@ -162,8 +171,14 @@ def train_to_folder(
         _origin(datasets[name], name, view, len(part.attempts))
         for (name, view, _), part in zip(wanted, parts, strict=True)
     ]
-    with progress_bar("train", settings.epochs) as bar:
-        trained = train(mixed(parts), settings, on_epoch=lambda epoch: bar.advance(_losses(epoch)))
+    with progress_bar("train", settings.epochs) as bar, event_files(out, wanted=tensorboard) as events:
+
+        def on_epoch(epoch: Epoch) -> None:
+            bar.advance(_losses(epoch))
+            if events is not None:
+                events.add(epoch)
+
+        trained = train(mixed(parts), settings, on_epoch=on_epoch)
     save_run(
         out,
         trained.network,
@@ -174,6 +189,7 @@ def train_to_folder(
         kept_epoch=trained.kept.number,
         overwrite=overwrite,
     )
+    note_run(out, datasets)
     return trained
 
 

@@ -5,6 +5,7 @@ TrainingError
 ├── PictureError (ValueError)           a picture of which a network can score no part
 ├── TrainerSettingsError (ValueError)   training settings out of range
 ├── TrainingDataError (ValueError)      a dataset from which nothing can be learnt
+├── MissingExtraError (ImportError)    something is asked for that needs a package which is not installed
 ├── DivergedError (ArithmeticError)     training that ended in numbers that are none
 └── CheckpointError (ValueError)        a run folder that holds no usable checkpoint
 """
@@ -32,6 +33,10 @@ class TrainingDataError(TrainingError, ValueError):
 
 class DivergedError(TrainingError, ArithmeticError):
     """Training ended in numbers that are none."""
+
+
+class MissingExtraError(TrainingError, ImportError):
+    """Something is asked for that needs a package which is not installed."""
 
 
 class CheckpointError(TrainingError, ValueError):

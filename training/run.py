@@ -12,6 +12,7 @@ from typing import Any, Self
 from handsight import __version__
 from handsight.datasets.atomic import atomic_file
 from handsight.servoing.homography import InputGrid
+from handsight.training.card import remove_card, write_card
 from handsight.training.errors import NetworkSettingsError
 from handsight.training.gqn import GraspQualityNetwork
 from handsight.training.precision import Precision
@@ -90,10 +91,12 @@ def save_run(
     kept_epoch: int | None = None,
     overwrite: bool = False,
 ) -> None:
-    """Write weights and record, so that at any moment the folder holds the old run or the new one, whole.
+    """Write weights, record and card, so that at any moment the folder holds the old run or the new one, whole.
 
     The weights are written under another name, and then the record, which names them by their hash: from there on the
-    folder holds the new run. Last the weights take their usual name.
+    folder holds the new run. Then the weights take their usual name. A card is never beside the record of another
+    run: where there is an old run, its card goes first and the new one comes last, and else the card is there before
+    the record is.
 
     Args:
         folder: Where to; made where it is missing.
@@ -124,9 +127,15 @@ def save_run(
     record = sealed(
         {**_record(network, origins, grid, settings), **_progress(history, kept_epoch), WEIGHTS_SHA256: weights_sha256},
     )
+    replaces = (folder / RUN_RECORD).is_file()
+    remove_card(folder)
+    if not replaces:
+        write_card(folder, record)
     with atomic_file(folder / RUN_RECORD, durable=True) as unfinished:
         unfinished.write_text(json.dumps(record, indent=2, allow_nan=False) + "\n", encoding="utf-8")
     (folder / NEXT_WEIGHTS).replace(folder / WEIGHTS)
+    if replaces:
+        write_card(folder, record)
     remove_unfinished(folder)
 
 

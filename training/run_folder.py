@@ -12,8 +12,14 @@ RUN_RECORD = "run.json"
 WEIGHTS = "model.safetensors"
 NEXT_WEIGHTS = "model.next.safetensors"
 """Weights that a new record may name already, until they take the place of the old ones."""
+CARD = "README.md"
+"""What the record says, in words (card.py)."""
+CARD_MARK = "<!-- handsight: card of a run -->"
+"""How a card begins: a README that somebody else wrote is never replaced."""
+EVENTS = "tensorboard"
+"""Folder of curves (event_files.py), each in a folder of its own. Nothing of it is ever replaced."""
 
-_OWN = (RUN_RECORD, WEIGHTS, NEXT_WEIGHTS)
+_OWN = (RUN_RECORD, WEIGHTS, NEXT_WEIGHTS, EVENTS)
 _NAMES_LISTED = 3
 
 
@@ -34,7 +40,7 @@ def check_run_folder(folder: Path, *, overwrite: bool = False) -> None:
     if (fault := folder_fault(folder)) is not None:
         raise CheckpointError(f"no run can be written to {folder}: {fault}; choose another --out")
     held = sorted(path.name for path in folder.iterdir()) if folder.is_dir() else []
-    foreign = [name for name in held if name not in _OWN and not _is_unfinished(name)]
+    foreign = [name for name in held if not (name in _OWN or _is_unfinished(name) or is_card(folder / name))]
     if foreign:
         more = f" and {len(foreign) - _NAMES_LISTED} more" if len(foreign) > _NAMES_LISTED else ""
         raise CheckpointError(
@@ -64,6 +70,14 @@ def check_finished_run(folder: Path) -> None:
         raise CheckpointError(f"{folder} {what} ({RUN_RECORD} is missing): to train one, see 'handsight train --help'")
 
 
+def is_card(path: Path) -> bool:
+    """Whether a file is a card that was written with a run."""
+    if path.name != CARD or path.is_symlink() or not path.is_file():
+        return False
+    with path.open("rb") as file:
+        return file.read(len(CARD_MARK)) == CARD_MARK.encode()
+
+
 def remove_unfinished(folder: Path) -> None:
     """Remove what a process that was killed while it saved a run has left behind."""
     for path in folder.iterdir():
@@ -72,4 +86,4 @@ def remove_unfinished(folder: Path) -> None:
 
 
 def _is_unfinished(name: str) -> bool:
-    return name.startswith((".run.unfinished-", ".model.next.unfinished-"))
+    return name.startswith((".run.unfinished-", ".model.next.unfinished-", ".README.unfinished-"))

@@ -14,15 +14,17 @@ import reprlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NoReturn, get_args
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from handsight.datasets.errors import counted
 from handsight.datasets.format.checks import number, one_of, or_null, text, truth, whole
 from handsight.servoing.errors import ServoSettingsError
-from handsight.servoing.homography import InputGrid
 from handsight.training.errors import CheckpointError, NetworkSettingsError
-from handsight.training.gqn import CHANNEL_SETS, GqnConfig
-from handsight.training.precision import Precision
+
+if TYPE_CHECKING:
+    # PyTorch takes seconds, and a list of runs needs none.
+    from handsight.servoing.homography import InputGrid
+    from handsight.training.gqn import GqnConfig
 
 RUN_VERSION = 2
 """Version 2 has a list of origins, where version 1 had one."""
@@ -33,6 +35,9 @@ RECORD_SHA256 = "record_sha256"
 LARGEST_RECORD_BYTES = 16 << 20
 """A record has a few hundred bytes for each epoch."""
 MOST_ORIGINS = 1000
+CHANNEL_NAMES = ("rgbd", "rgb", "depth")
+PRECISION_NAMES = ("float32", "bfloat16", "auto")
+"""Of modules that import PyTorch, with a test that they agree."""
 _FAULTS_LISTED = 8
 
 
@@ -48,29 +53,38 @@ def sealed(record: dict[str, Any]) -> dict[str, Any]:
     return {**record, RECORD_SHA256: _seal(record)}
 
 
-def read_record(path: Path) -> tuple[dict[str, Any], GqnConfig, InputGrid]:
-    """The record of a run, with the network and the grid that it describes.
+def read_values(path: Path) -> dict[str, Any]:
+    """The record of a run, without PyTorch: its values are such as a run can have, and those that it was sealed with.
+
+    Whether a network can be built of them, :func:`read_record` tells, which matters where a record has no seal.
 
     Raises:
         CheckpointError: It is no JSON, or some values are none that a run can have; all of them are named. Or it was
             written by a newer handsight, or changed since it was written.
         OSError: It cannot be read.
     """
-    record = _parse(path)
-    if isinstance(record, dict):
-        _check_version(path, record.get("run_version"))
-    faults = [*_faults(record, _RECORD, ""), *_origin_faults(record)]
-    if faults:
+    record = _formed(path)
+    if faults := _disagreements(record):
         raise damaged(path, faults)
+    return record
+
+
+def read_record(path: Path) -> tuple[dict[str, Any], GqnConfig, InputGrid]:
+    """The record of a run, with the network and the grid that it describes.
+
+    Raises:
+        CheckpointError: As for :func:`read_values`, or the values describe no network.
+        OSError: It cannot be read.
+    """
+    from handsight.servoing.homography import InputGrid  # PyTorch; see above
+    from handsight.training.gqn import GqnConfig
+
+    record = _formed(path)
     try:
         config, grid = GqnConfig.from_json(record["settings"]["network"]), InputGrid(**record["grid"])
     except (NetworkSettingsError, ServoSettingsError) as error:
         raise damaged(path, [str(error)]) from error
-    if grid.size_px != config.size_px:
-        faults.append(f"grid.size_px is {grid.size_px}, expected {config.size_px} as settings.network.size_px is")
-    if record.get(RECORD_SHA256, seal := _seal(record)) != seal:
-        faults.append("its values are not those that were written with it")
-    if faults:
+    if faults := _disagreements(record):
         raise damaged(path, faults)
     return record, config, grid
 
@@ -86,6 +100,29 @@ def damaged(path: Path, faults: list[str]) -> CheckpointError:
     return CheckpointError(
         f"{path} is damaged ({'; '.join(faults[:_FAULTS_LISTED])}{more}): train again, or restore the run from a copy"
     )
+
+
+def _formed(path: Path) -> dict[str, Any]:
+    """The record, once every value is of its type and in its range."""
+    record = _parse(path)
+    if isinstance(record, dict):
+        _check_version(path, record.get("run_version"))
+    faults = [*_faults(record, _RECORD, ""), *_origin_faults(record)]
+    if faults:
+        raise damaged(path, faults)
+    formed: dict[str, Any] = record
+    return formed
+
+
+def _disagreements(record: dict[str, Any]) -> list[str]:
+    """Where values that are fine one by one are not those of one run."""
+    faults = []
+    size_px, expected_px = record["grid"]["size_px"], record["settings"]["network"]["size_px"]
+    if size_px != expected_px:
+        faults.append(f"grid.size_px is {size_px}, expected {expected_px} as settings.network.size_px is")
+    if record.get(RECORD_SHA256, seal := _seal(record)) != seal:
+        faults.append("its values are not those that were written with it")
+    return faults
 
 
 def _parse(path: Path) -> Any:
@@ -188,7 +225,7 @@ _RECORD = {
     "grid": {"crop_px": _SIZE, "size_px": _SIZE},
     "settings": {
         "network": {
-            "channels": one_of(*CHANNEL_SETS),
+            "channels": one_of(*CHANNEL_NAMES),
             "widths": [_SIZE],
             "kernels": [_SIZE],
             "dense": [_SIZE],
@@ -215,7 +252,7 @@ _RECORD = {
                 "shift": _Optional(_FINITE),
             }
         ),
-        "precision": _Optional(one_of(*get_args(Precision))),
+        "precision": _Optional(one_of(*PRECISION_NAMES)),
         "seed": _Optional(whole(-(2**63), 2**64 - 1)),
     },
     "parameters": _Optional(_COUNT),

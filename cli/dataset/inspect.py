@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -12,7 +15,7 @@ from handsight.cli.errors import CommandError
 from handsight.cli.opening import open_repository, open_version
 from handsight.cli.options import MOST_ATTEMPTS, Dataset, Filter, Json, Where
 from handsight.cli.output import bold, console, errors, print_json
-from handsight.cli.tables import Column, print_facts, print_prose, print_table, short_snapshot, short_time
+from handsight.cli.tables import Column, print_facts, print_prose, print_table, short_snapshot, short_time, written
 from handsight.datasets.errors import counted
 
 if TYPE_CHECKING:
@@ -23,6 +26,7 @@ if TYPE_CHECKING:
     from handsight.datasets.reading.reader import GraspDataset
     from handsight.datasets.reading.stats import LabelStats, Share
     from handsight.datasets.records import GraspAttempt, StationSpec
+    from handsight.training.lineage import KnownRun
 
 SHOWN = {
     "outcome": Column(heading="outcome", rank=1),
@@ -40,10 +44,13 @@ ONLY_WHERE_ANY = ("excluded", "failure")
 
 
 def info(dataset: Dataset, as_json: Json = False) -> None:
-    """Summarise a version: size, balance, digest."""
-    facts = open_version(dataset).info()
+    """Summarise a version: size, balance, digest, and the runs that were trained on it."""
+    version = open_version(dataset)
+    from handsight.training.lineage import runs_trained_on  # a second; see above
+
+    facts, runs = version.info(), runs_trained_on(version)
     if as_json:
-        print_json(facts)
+        print_json({**asdict(facts), "runs": runs})
         return
     labelled = facts.outcomes["held"] + facts.outcomes["empty"]
     share = f" ({facts.successes / labelled:.1%} of {labelled} labelled)" if labelled else ""
@@ -59,6 +66,28 @@ def info(dataset: Dataset, as_json: Json = False) -> None:
         ("digest", facts.digest),
     ]
     print_facts(rows)
+    if runs:
+        _print_runs(runs)
+
+
+def _print_runs(runs: Sequence[KnownRun]) -> None:
+    rows = [
+        (_shown_path(one.run), written(one.created), one.weights_sha256[:12], "" if one.exists else "gone")
+        for one in runs
+    ]
+    columns = (
+        Column(heading="trained on it", prose="clip"),
+        Column(heading="created (UTC)", rank=2, short=short_time),
+        Column(heading="weights", rank=3),
+        Column(heading="", rank=1),
+    )
+    print_table(columns, rows)
+
+
+def _shown_path(path: str) -> str:
+    """A path as it can be typed here, where that is shorter."""
+    here = os.path.relpath(path)
+    return path if here.startswith("..") else here
 
 
 def log(dataset: Dataset, as_json: Json = False) -> None:

@@ -108,6 +108,16 @@ def test_datasets_and_their_versions(lab: Path) -> None:
     assert completed(f"handsight dataset exclude {lab}@v") == []
 
 
+def test_runs(tmp_path: Path) -> None:
+    for name in ("runs/a", "runs/another"):
+        (tmp_path / name).mkdir(parents=True)
+        (tmp_path / name / "run.json").write_text("{}")
+    (tmp_path / "runs" / ".hidden").mkdir()
+    assert completed(f"handsight runs show {tmp_path}/r") == [f"{tmp_path}/runs/"]
+    assert completed(f"handsight runs compare {tmp_path}/runs/a {tmp_path}/runs/an") == [f"{tmp_path}/runs/another"]
+    assert completed(f"handsight runs show {tmp_path}/runs/") == [f"{tmp_path}/runs/a", f"{tmp_path}/runs/another"]
+
+
 def test_names_within_a_dataset(lab: Path) -> None:
     ids = GraspDataset.open(str(lab)).attempts.index
     assert completed(f"handsight dataset ls {lab} --filter ") == ["slips"]

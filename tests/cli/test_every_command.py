@@ -10,6 +10,7 @@ import pytest
 from tests.support.command_tree import COMMANDS, option_names
 from tests.support.factories import make_attempt, make_header, record
 from tests.support.meshes import block, stl
+from tests.support.runs import save_untrained
 from tests.support.versions import grow
 
 from handsight.cli.app import run
@@ -22,6 +23,7 @@ DRAWS = "collect picture|dataset ls|dataset show|dataset stats|dataset suspect|h
 ADDS = "collect sim|dataset export|dataset init|dataset materialize|dataset release|evaluate"
 UNTRIED = {
     **dict.fromkeys(READS.split("|"), "changes nothing"),
+    **dict.fromkeys(("runs compare", "runs ls", "runs show"), "changes nothing"),
     **dict.fromkeys(DRAWS.split("|"), "changes nothing but a picture or recording, which the same call makes again"),
     **dict.fromkeys(ADDS.split("|"), "adds something where nothing was, or behind what is there"),
     "demo": "goes on in a folder of its own, and begins nothing anew that is there",
@@ -67,6 +69,9 @@ CALLS = (
     "dataset verify {data}",
     "objects import {meshes} --name kitchen",
     "objects ls",
+    "runs compare {run} {second}",
+    "runs ls {run}",
+    "runs show {run}",
     "train {data} --out {new} --epochs 1",
 )
 LONG = {"clearance", "collect sim", "dataset suspect", "demo", "evaluate", "heatmap", "prediction", "servo"}
@@ -111,6 +116,9 @@ REFUSED = (
     "heatmap {data} --model {nowhere}",
     "objects import {nowhere} --name x",
     "prediction --model {nowhere}",
+    "runs compare {nowhere} {nowhere}",
+    "runs ls {nowhere}",
+    "runs show {nowhere}",
     "servo --model {nowhere}",
     "train {data} --out {file}",
 )
@@ -141,6 +149,8 @@ def prepared(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "meshes").mkdir()
     (folder / "meshes" / "box.stl").write_bytes(stl(block()))
     (folder / "file").write_text("in the way")
+    save_untrained(folder / "run")
+    save_untrained(folder / "second", seed=1)
     return folder
 
 
@@ -152,7 +162,7 @@ def folder(prepared: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> P
 
 
 def words(call: str, folder: Path) -> list[str]:
-    names = {name: folder / name for name in ("data", "other", "meshes", "file", "new", "nowhere")}
+    names = {name: folder / name for name in ("data", "other", "meshes", "file", "new", "nowhere", "run", "second")}
     return [word.format(**names, exported=folder / "exported.hdf5") for word in call.split()]
 
 

@@ -109,7 +109,7 @@ def test_a_typo_is_answered_with_what_was_meant(
     assert captured.out == ""
 
 
-@pytest.mark.parametrize("words", [[], ["dataset"], ["collect"], ["objects"]])
+@pytest.mark.parametrize("words", [[], ["dataset"], ["collect"], ["objects"], ["runs"]])
 def test_without_a_command_the_list_is_shown(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     assert run(words) == 2
     assert "Commands:" in capsys.readouterr().err

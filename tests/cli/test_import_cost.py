@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from tests.support.factories import make_attempt, make_header, record
+from tests.support.runs import save_untrained
 
 from handsight.datasets import GraspRepository
 
@@ -73,6 +74,10 @@ REFUSED = {
     "an address that is none": ("dataset info {no}@", "ends in '@'"),
     "train": ("train {no} --out {folder}/run", "there is no dataset"),
     "train into a full folder": ("train {grasps} --out {grasps}", "holds other files"),
+    "runs ls": ("runs ls {no}", "there is no folder"),
+    "runs show": ("runs show {no}", "is no folder"),
+    "runs compare": ("runs compare {no} {no}", "is no folder"),
+    "runs compare one": ("runs compare {no}", "expected two or more"),
     "evaluate": ("evaluate --model {no}", "is no folder"),
     "evaluate a folder": ("evaluate --model {grasps}", "holds no finished run"),
     "heatmap": ("heatmap {no} --model {no}", "there is no dataset"),
@@ -114,7 +119,9 @@ def test_what_only_the_simulator_can_refuse_needs_no_dataset(words: str, said: s
     assert modules & {"torch", "icechunk", "zarr", "pandas", "rerun", "matplotlib", "rich"} == set()
 
 
-@pytest.mark.parametrize("words", ["--help", "dataset --help", "dataset ls --help", "train --help", "collect sim -h"])
+@pytest.mark.parametrize(
+    "words", ["--help", "dataset --help", "dataset ls --help", "train --help", "runs -h", "collect sim -h"]
+)
 def test_help_imports_next_to_nothing(words: str, smallest: int) -> None:
     status, modules, _ = loaded(PROGRAM, *words.split())
     assert status == 0
@@ -155,3 +162,12 @@ def test_what_draws_or_looks_at_a_dataset_imports_no_network(words: str, grasps:
     status, modules, complaint = loaded(PROGRAM, "dataset", *(word.format(d=grasps) for word in words.split()))
     assert status in (0, 1), complaint
     assert modules & {"torch", "rerun", "pybullet", "ray"} == set()
+
+
+@pytest.mark.parametrize("words", ["ls {folder}", "ls {folder} --json", "show {run}", "compare {run} {run}"])
+def test_runs_are_looked_at_without_their_networks(words: str, tmp_path: Path) -> None:
+    save_untrained(tmp_path / "run")
+    named = {"folder": tmp_path, "run": tmp_path / "run"}
+    status, modules, complaint = loaded(PROGRAM, "runs", *(word.format(**named) for word in words.split()))
+    assert status == 0, complaint
+    assert modules & set(HEAVY) <= {"rich"}

@@ -7,7 +7,7 @@ import json
 import shutil
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pytest
@@ -20,10 +20,12 @@ from torch.nn import functional
 
 from handsight.servoing.homography import InputGrid
 from handsight.training.errors import CheckpointError, NetworkSettingsError
-from handsight.training.gqn import GqnConfig, GraspQualityNetwork
+from handsight.training.gqn import CHANNEL_SETS, GqnConfig, GraspQualityNetwork
+from handsight.training.precision import Precision
 from handsight.training.run import DataOrigin, load_run, load_scorer, save_run
-from handsight.training.run_folder import NEXT_WEIGHTS, RUN_RECORD, WEIGHTS
-from handsight.training.run_record import RECORD_SHA256, WEIGHTS_SHA256
+from handsight.training.run_files import check_files
+from handsight.training.run_folder import CARD, NEXT_WEIGHTS, RUN_RECORD, WEIGHTS
+from handsight.training.run_record import CHANNEL_NAMES, PRECISION_NAMES, RECORD_SHA256, WEIGHTS_SHA256, read_values
 from handsight.training.trainer import train
 
 ORIGIN = DataOrigin(dataset="grasps@v1", ref="v1", snapshot="ABC", digest="d" * 64, view="overhead", attempts=80)
@@ -159,6 +161,19 @@ def test_a_run_from_before_there_was_a_choice_of_padding_scores_as_it_did(tmp_pa
 @pytest.mark.parametrize("config", [GqnConfig(), SHAPE], ids=["default", "other"])
 def test_a_network_s_shape_comes_back_from_json(config: GqnConfig) -> None:
     assert GqnConfig.from_json(json.loads(json.dumps(config.to_json()))) == config
+
+
+def test_names_that_a_record_may_hold_are_those_there_are() -> None:
+    """They stand in run_record.py as text, because a list of runs needs no PyTorch."""
+    assert tuple(CHANNEL_SETS) == CHANNEL_NAMES
+    assert get_args(Precision) == PRECISION_NAMES
+
+
+def test_a_record_is_read_alike_with_its_network_and_without(run_folder: Path) -> None:
+    assert read_values(run_folder / RUN_RECORD) == load_run(run_folder).record
+    edit_record(run_folder, grid__size_px=8)
+    with pytest.raises(CheckpointError, match=r"grid.size_px is 8, expected 16.*; its values are not those"):
+        read_values(run_folder / RUN_RECORD)
 
 
 def edit_record(folder: Path, **changes: Any) -> None:
@@ -297,7 +312,7 @@ def save_another(folder: Path, *, overwrite: bool = True) -> None:
 
 def test_a_run_is_replaced_only_where_that_was_asked_for(run_folder: Path) -> None:
     before = {path.name: path.read_bytes() for path in run_folder.iterdir()}
-    assert set(before) == {RUN_RECORD, WEIGHTS}
+    assert set(before) == {RUN_RECORD, WEIGHTS, CARD}
     with pytest.raises(CheckpointError, match=r"holds a run already.*--overwrite"):
         save_another(run_folder, overwrite=False)
     assert {path.name: path.read_bytes() for path in run_folder.iterdir()} == before
@@ -306,7 +321,7 @@ def test_a_run_is_replaced_only_where_that_was_asked_for(run_folder: Path) -> No
     assert {path.name for path in run_folder.iterdir()} == set(before)
 
 
-@pytest.mark.parametrize("steps", range(4))
+@pytest.mark.parametrize("steps", range(5))
 def test_a_run_that_is_being_replaced_is_at_any_moment_the_old_one_or_the_new_one(
     run_folder: Path, monkeypatch: pytest.MonkeyPatch, steps: int
 ) -> None:
@@ -323,7 +338,7 @@ def test_a_run_that_is_being_replaced_is_at_any_moment_the_old_one_or_the_new_on
 
     with monkeypatch.context() as patch:
         patch.setattr(Path, "replace", dies)
-        if steps < 3:
+        if steps < 4:
             with pytest.raises(KeyboardInterrupt):
                 save_another(run_folder)
         else:
@@ -331,10 +346,38 @@ def test_a_run_that_is_being_replaced_is_at_any_moment_the_old_one_or_the_new_on
     assert done == steps
     run = load_run(run_folder)
     assert (run.weights_sha256 == old, run.grid.crop_px) == ((True, 100) if steps < 2 else (False, 90))
+    # A card is about the run that is there, or is not there.
+    assert check_files(run_folder, run.record).card == ("current" if steps in (0, 4) else "missing")
     (run_folder / ".run.unfinished-0123.json").write_text("left by a kill")
+    (run_folder / ".README.unfinished-0123.md").write_text("left by a kill")
     save_another(run_folder)
-    assert {path.name for path in run_folder.iterdir()} == {RUN_RECORD, WEIGHTS}
+    assert {path.name for path in run_folder.iterdir()} == {RUN_RECORD, WEIGHTS, CARD}
     assert not (run_folder / NEXT_WEIGHTS).exists()
+
+
+@pytest.mark.parametrize("steps", range(4))
+def test_a_run_that_is_saved_where_none_was_has_its_card_from_the_beginning(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, steps: int
+) -> None:
+    replace_file, done = Path.replace, 0
+
+    def dies(path: Path, target: Path) -> Path:
+        nonlocal done
+        if done == steps:
+            raise KeyboardInterrupt
+        done += 1
+        return replace_file(path, target)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "replace", dies)
+        with pytest.raises(KeyboardInterrupt):
+            save_another(tmp_path / "run", overwrite=False)
+    assert (tmp_path / "run" / RUN_RECORD).exists() == (steps == 3)
+    if steps == 3:
+        assert check_files(tmp_path / "run", load_run(tmp_path / "run").record).card == "current"
+    else:
+        save_another(tmp_path / "run", overwrite=False)
+        assert {path.name for path in (tmp_path / "run").iterdir()} == {RUN_RECORD, WEIGHTS, CARD}
 
 
 def test_the_network_and_its_settings_agree_when_a_run_is_saved(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ import pytest
 from tests.support.small_disk import files_of_at_most
 
 from handsight.training.errors import CheckpointError
-from handsight.training.run_folder import NEXT_WEIGHTS, RUN_RECORD, WEIGHTS, check_run_folder
+from handsight.training.run_folder import CARD, CARD_MARK, EVENTS, NEXT_WEIGHTS, RUN_RECORD, WEIGHTS, check_run_folder
 
 
 def test_a_new_or_empty_folder_will_do(tmp_path: Path) -> None:
@@ -31,7 +31,22 @@ def test_what_a_killed_process_left_is_no_run(tmp_path: Path) -> None:
     (tmp_path / NEXT_WEIGHTS).write_text("")
     (tmp_path / ".run.unfinished-12345678.json").write_text("")
     (tmp_path / ".model.next.unfinished-12345678.safetensors").write_text("")
+    (tmp_path / ".README.unfinished-12345678.md").write_text("")
+    (tmp_path / EVENTS).mkdir()
     check_run_folder(tmp_path)
+
+
+def test_a_readme_is_replaced_only_where_it_is_a_card_of_a_run(tmp_path: Path) -> None:
+    (tmp_path / RUN_RECORD).write_text("")
+    (tmp_path / CARD).write_text(f"{CARD_MARK}\n# A network")
+    check_run_folder(tmp_path, overwrite=True)
+    (tmp_path / CARD).write_text("# My notes")
+    with pytest.raises(CheckpointError, match=r"other files \(README.md\)"):
+        check_run_folder(tmp_path, overwrite=True)
+    (tmp_path / CARD).unlink()
+    (tmp_path / CARD).symlink_to(tmp_path / RUN_RECORD)
+    with pytest.raises(CheckpointError, match=r"other files \(README.md\)"):
+        check_run_folder(tmp_path, overwrite=True)
 
 
 @pytest.mark.parametrize("overwrite", [False, True])
