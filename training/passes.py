@@ -13,7 +13,7 @@ from torch.nn import functional
 from handsight.datasets.inputs.augmentation import FLIPS
 from handsight.datasets.inputs.loader import GraspLoader
 from handsight.datasets.inputs.mixture import LabelledInputs
-from handsight.datasets.inputs.torch_dataset import FlippedGrasps
+from handsight.datasets.inputs.torch_dataset import TorchGrasps
 from handsight.training.gqn import GraspQualityNetwork
 from handsight.training.precision import dtype_for
 from handsight.training.settings import TrainSettings
@@ -47,11 +47,11 @@ class Passes:
         self._dtype = dtype_for(settings.precision, torch.device("cpu"))
         self._samples = FLIPS * len(trained_on)
         self._loader = GraspLoader(
-            FlippedGrasps(data),
+            TorchGrasps(data),
             batch_size=settings.batch,
             # A negative seed counts as torch counts it: as 64 bits without a sign.
             seed=settings.seed % 2**64,
-            rows=FlippedGrasps.positions(trained_on),
+            rows=np.repeat(trained_on, FLIPS),
         )
         rate = settings.learning_rate
         self._optimiser = torch.optim.AdamW(network.parameters(), lr=rate, weight_decay=settings.weight_decay)
@@ -67,13 +67,13 @@ class Passes:
         return self._mean.network
 
     def run_one(self) -> float:
-        """See every attempt in all four flips once; returns the mean loss."""
+        """See every attempt four times, in a flip of its own each time; returns the mean loss."""
         self._network.train()
         total_loss = 0.0
         for inputs, labels in self._loader:  # (B, 4, size, size) float16, (B,)
             if len(labels) < 2:
                 continue  # batch normalisation has no variance over one input
-            varied = self._settings.jitter(inputs.float(), self._generator)
+            varied = self._settings.jitter(inputs, self._generator)
             total_loss += len(labels) * self._step(*self._mixed(varied, labels))
         return total_loss / self._samples
 
@@ -109,7 +109,7 @@ def mixed_up(inputs: Tensor, labels: Tensor, others: Tensor, share: float) -> tu
     Returns:
         Shapes as they were.
     """
-    return torch.lerp(inputs[others], inputs, share), torch.lerp(labels[others], labels, share)
+    return inputs[others].lerp_(inputs, share), torch.lerp(labels[others], labels, share)
 
 
 class _RunningMean:

@@ -250,6 +250,7 @@ _RECORD = {
                 "height_noise_m": _Optional(_FINITE),
                 "turn_rad": _Optional(_FINITE),
                 "shift": _Optional(_FINITE),
+                "flips": _Optional(truth),
             }
         ),
         "precision": _Optional(one_of(*PRECISION_NAMES)),

@@ -17,7 +17,7 @@ class TrainSettings:
 
     network: GqnConfig = field(default_factory=GqnConfig)
     epochs: int = 40
-    """Most passes over the data; in each, every attempt is seen in all four flips."""
+    """Most passes over the data; in each, every attempt is seen four times, flipped at random."""
     least_epochs: int = 8
     """The pass that is kept is this one or a later one. Of few attempts held out, an early lowest loss is chance."""
     patience: int = 3

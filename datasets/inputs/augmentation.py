@@ -9,17 +9,23 @@ network that has to say so is far less sure of itself where it should not be
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
+import cv2
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
-from torch.nn import functional
 
 _FLIPPED_AXES = ((), (3,), (2,), (2, 3))
 FLIPS = len(_FLIPPED_AXES)
 """As recorded, left-right, top-bottom, both."""
 
 _SHARING_NOISE = 4
-"""So many inputs of a batch have the same noise added: drawing it would take longer than all else that is done here."""
+"""So many inputs of a batch have the same noise added."""
+_NOISE_OFFSETS = 100_003
+"""Noise is drawn once, and each batch reads it from one of so many places on: drawing it anew would take longer than
+all else that is done here."""
 
 
 def flipped(inputs: Tensor, which: Tensor) -> Tensor:
@@ -47,26 +53,72 @@ class Jitter:
     shift: float = 1.5 / 64
     """Inputs are shifted by up to this share of their width, either way, in both directions; 7 mm on the table."""
 
+    flips: bool = True
+    """Whether inputs are flipped at random, left-right and top-bottom."""
+
     def __call__(self, inputs: Tensor, generator: torch.Generator) -> Tensor:
-        """A varied copy of a batch. (B, 4, size, size) -> (B, 4, size, size)."""
-        batch, *shape = inputs.shape
-        factor = torch.ones(batch, 4, 1, 1)
-        factor[:, :3] += self.brightness * (2 * torch.rand(batch, 1, 1, 1, generator=generator) - 1)
-        noise = torch.randn(-(-batch // _SHARING_NOISE), *shape, generator=generator)
-        noise *= torch.tensor([*3 * [self.colour_noise], self.height_noise_m])[:, None, None]
-        return torch.addcmul(noise.repeat(_SHARING_NOISE, 1, 1, 1)[:batch], self._moved(inputs, generator), factor)
+        """A varied copy of a batch. (B, 4, size, size) -> (B, 4, size, size), float32, channels-last."""
+        batch, channels, size, _ = inputs.shape
+        factor = torch.ones(batch, channels)
+        factor[:, :3] += self.brightness * (2 * torch.rand(batch, 1, generator=generator) - 1)
+        # A whole row of a picture at a time: over four channels alone, loops would be too short to be fast.
+        factor = factor.repeat(1, size)[:, None]  # (B, 1, size * 4)
+        varied = self._moved(inputs, generator).view(batch, size, size * channels)
+        if self.colour_noise or self.height_noise_m:
+            noise = self._noise(-(-batch // _SHARING_NOISE), size, generator)
+            for part, factors in zip(varied.split(len(noise)), factor.split(len(noise)), strict=True):
+                torch.addcmul(noise[: len(part)], part, factors, out=part)
+        else:
+            varied.mul_(factor)
+        return varied.view(batch, size, size, channels).permute(0, 3, 1, 2)
 
     def _moved(self, inputs: Tensor, generator: torch.Generator) -> Tensor:
-        """Each input turned and shifted a little; edges are replicated. (B, 4, size, size) -> the same shape."""
-        if self.turn_rad == 0 and self.shift == 0:
-            return inputs
-        batch = len(inputs)
+        """Each input flipped, turned and shifted in one resampling; edges are replicated.
+
+        (B, 4, size, size) -> (B, size, size, 4), which is how OpenCV has pictures.
+        """
+        batch, _, size, _ = inputs.shape
+        pictures = inputs.permute(0, 2, 3, 1).contiguous().float()
+        if not (self.flips or self.turn_rad or self.shift):
+            return pictures.clone() if pictures.data_ptr() == inputs.data_ptr() else pictures
+        moved = torch.empty_like(pictures)
+        for source, goal, matrix in zip(
+            pictures.numpy(), moved.numpy(), self._maps(batch, size, generator), strict=True
+        ):
+            cv2.warpAffine(
+                source,
+                matrix,
+                (size, size),
+                dst=goal,
+                flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
+                borderMode=cv2.BORDER_REPLICATE,
+            )
+        return moved
+
+    def _noise(self, inputs: int, size: int, generator: torch.Generator) -> Tensor:
+        """Noise for some inputs. Shape (inputs, size, size * 4)."""
+        offset = 4 * int(torch.randint(_NOISE_OFFSETS, (), generator=generator))
+        sigma = self.colour_noise, self.colour_noise, self.colour_noise, self.height_noise_m
+        drawn = _drawn(inputs * size**2, sigma)
+        return drawn[offset : offset + inputs * size**2 * 4].view(inputs, size, size * 4)
+
+    def _maps(self, batch: int, size: int, generator: torch.Generator) -> NDArray[np.float64]:
+        """Where each pixel [px] of each varied input is read from. Shape (B, 2, 3)."""
+        mirrored = 1.0 - 2.0 * torch.randint(
+            2 if self.flips else 1, (batch, 2), generator=generator
+        )  # of columns, rows
         angle_rad = self.turn_rad * (2 * torch.rand(batch, generator=generator) - 1)
-        # In units of half a width, as affine_grid has it.
-        shift = 2 * self.shift * (2 * torch.rand(batch, 2, generator=generator) - 1)
+        shift_px = size * self.shift * (2 * torch.rand(batch, 2, generator=generator) - 1)
         cos, sin = torch.cos(angle_rad), torch.sin(angle_rad)
-        maps = torch.stack(
-            [torch.stack([cos, -sin, shift[:, 0]], -1), torch.stack([sin, cos, shift[:, 1]], -1)], 1
-        )  # (B, 2, 3)
-        points = functional.affine_grid(maps, list(inputs.shape), align_corners=False)
-        return functional.grid_sample(inputs, points, padding_mode="border", align_corners=False)
+        turns = torch.stack([cos, -sin, sin, cos], -1).view(batch, 2, 2) * mirrored[:, None, :]
+        # About the middle of the picture, which lies between pixels where their number is even.
+        middle_px = torch.full((2,), (size - 1) / 2)
+        offsets_px = middle_px - turns @ middle_px + shift_px
+        return torch.cat([turns, offsets_px[..., None]], -1).double().numpy()
+
+
+@cache
+def _drawn(pixels: int, sigma: tuple[float, float, float, float]) -> Tensor:
+    """Noise of some strength in each channel, which is drawn once. Shape (4 * (pixels + offsets),)."""
+    drawn = torch.randn(pixels + _NOISE_OFFSETS, 4, generator=torch.Generator().manual_seed(0))
+    return (drawn * torch.tensor(sigma)).ravel()

@@ -104,7 +104,13 @@ def _other_values(file: h5py.File, name: str, rng: np.random.Generator) -> None:
 
 def _link(file: h5py.File, name: str, rng: np.random.Generator) -> None:
     del file[name]
-    links = (h5py.SoftLink("/data"), h5py.SoftLink(name), h5py.ExternalLink("/etc/passwd", "/"), file.get("data", file), file)
+    links = (
+        h5py.SoftLink("/data"),
+        h5py.SoftLink(name),
+        h5py.ExternalLink("/etc/passwd", "/"),
+        file.get("data", file),
+        file,
+    )
     file[name] = _choice(links, rng)
 
 

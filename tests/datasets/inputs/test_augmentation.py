@@ -6,6 +6,8 @@ import torch
 
 from handsight.datasets.inputs.augmentation import FLIPS, Jitter, flipped
 
+_STILL = Jitter(brightness=0, colour_noise=0, height_noise_m=0, turn_rad=0, shift=0, flips=False)
+
 
 def _inputs(batch: int) -> torch.Tensor:
     return torch.rand(batch, 4, 8, 8, generator=torch.Generator().manual_seed(0))
@@ -27,9 +29,8 @@ def test_flipping_twice_is_nothing() -> None:
 
 def test_jitter_varies_what_it_is_told_to_and_follows_its_generator() -> None:
     inputs = _inputs(5)
-    still = Jitter(brightness=0, colour_noise=0, height_noise_m=0, turn_rad=0, shift=0)
-    torch.testing.assert_close(still(inputs, torch.Generator().manual_seed(1)), inputs)
-    brighter = replace(still, brightness=0.3)(inputs, torch.Generator().manual_seed(1))
+    torch.testing.assert_close(_STILL(inputs, torch.Generator().manual_seed(1)), inputs)
+    brighter = replace(_STILL, brightness=0.3)(inputs, torch.Generator().manual_seed(1))
     factors = (brighter[:, :3] / inputs[:, :3]).flatten(1)
     torch.testing.assert_close(factors, factors[:, :1].expand_as(factors))
     assert (factors[:, 0] - 1).abs().max() <= 0.3
@@ -44,11 +45,37 @@ def test_moving_turns_about_the_grasp_point_and_never_far() -> None:
     """The middle of a cross stays the middle of a turned cross; a shift moves it by no more than it may."""
     cross = torch.zeros(64, 4, 33, 33)
     cross[:, :, 16, :] = cross[:, :, :, 16] = 1.0
-    still = Jitter(brightness=0, colour_noise=0, height_noise_m=0, turn_rad=0, shift=0)
-    turned = replace(still, turn_rad=0.3)(cross, torch.Generator().manual_seed(0))
+    turned = replace(_STILL, turn_rad=0.3)(cross, torch.Generator().manual_seed(0))
     assert turned[:, 0, 16, 16].min() > 0.95
     assert not torch.allclose(turned, cross)
-    shifted = replace(still, shift=3 / 33)(cross, torch.Generator().manual_seed(0))
+    shifted = replace(_STILL, shift=3 / 33)(cross, torch.Generator().manual_seed(0))
     places = shifted[:, 0].sum(1).argmax(1) - 16
     assert places.abs().max() == 3
     assert len(places.unique()) > 3
+
+
+def test_inputs_are_flipped_at_random_into_all_four() -> None:
+    inputs = _inputs(64)
+    only_flips = Jitter(brightness=0, colour_noise=0, height_noise_m=0, turn_rad=0, shift=0)
+    varied = only_flips(inputs.half(), torch.Generator().manual_seed(0))
+    every = torch.stack([flipped(inputs.half().float(), torch.full((64,), which)) for which in range(FLIPS)])
+    same = (every == varied).flatten(2).all(2)  # (4, 64)
+    assert same.sum(0).tolist() == [1] * 64
+    assert (same.sum(1) >= 8).all()
+
+
+def test_what_is_varied_is_a_copy() -> None:
+    """Inputs that lie in memory as the varied ones do are not written to."""
+    inputs = _inputs(5).contiguous(memory_format=torch.channels_last)
+    before = inputs.clone()
+    replace(_STILL, brightness=0.3, height_noise_m=0.1)(inputs, torch.Generator().manual_seed(1))
+    assert torch.equal(inputs, before)
+
+
+def test_noise_has_the_strength_of_its_channel() -> None:
+    inputs = torch.zeros(200, 4, 64, 64)
+    noisy = replace(_STILL, colour_noise=0.02, height_noise_m=0.001)(inputs, torch.Generator().manual_seed(1))
+    sigma = noisy.std(dim=(0, 2, 3))
+    torch.testing.assert_close(sigma, torch.tensor([0.02, 0.02, 0.02, 0.001]), rtol=0.02, atol=0)
+    again = replace(_STILL, colour_noise=0.02)(inputs, torch.Generator().manual_seed(2))
+    assert not torch.equal(noisy[:, 0], again[:, 0])
