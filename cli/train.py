@@ -22,10 +22,11 @@ if TYPE_CHECKING:
     from handsight.datasets.inputs.materialize import GraspInputs
     from handsight.datasets.reading.reader import GraspDataset
     from handsight.servoing.homography import InputGrid
+    from handsight.training.course import Epoch
     from handsight.training.metrics import Metrics
     from handsight.training.run import DataOrigin
     from handsight.training.settings import TrainSettings
-    from handsight.training.trainer import Epoch, Trained
+    from handsight.training.trainer import Trained
 
 ViewpointName = Literal["overhead", "pregrasp"]
 

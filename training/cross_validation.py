@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 
 from handsight.datasets.errors import counted
 from handsight.datasets.inputs.mixture import LabelledInputs
+from handsight.training.course import Epoch
 from handsight.training.errors import TrainingDataError
 from handsight.training.metrics import Metrics, evaluate_scores
 from handsight.training.prediction import predict_with_flips
 from handsight.training.settings import TrainSettings
-from handsight.training.trainer import Epoch, train
+from handsight.training.trainer import train
 
 _FAULTS_LISTED = 5
 

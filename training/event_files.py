@@ -15,7 +15,7 @@ from handsight.training.run_folder import EVENTS
 if TYPE_CHECKING:
     from torch.utils.tensorboard import SummaryWriter
 
-    from handsight.training.trainer import Epoch
+    from handsight.training.course import Epoch
 
 INSTALL = "pip install 'handsight[tensorboard]'"
 

@@ -182,6 +182,11 @@ class GraspQualityNetwork(nn.Module):
         self.register_buffer("shift", shift[:, None, None], persistent=False)
         self.register_buffer("scale", scale[:, None, None], persistent=False)
 
+    @property
+    def device(self) -> torch.device:
+        """Where the weights are."""
+        return self.get_buffer("shift").device
+
     def forward(self, inputs: Tensor) -> Tensor:
         """Logits for inputs as made by ``predict_inputs``. (B, 4, size, size) -> (B,)."""
         x = (inputs[:, self._picked] - self.get_buffer("shift")) / self.get_buffer("scale")  # (B, C, size, size)

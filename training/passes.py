@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import torch
@@ -18,6 +21,17 @@ from handsight.training.gqn import GraspQualityNetwork
 from handsight.training.precision import dtype_for
 from handsight.training.settings import TrainSettings
 
+CPU = torch.device("cpu")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PassesState:
+    """Where passes stand."""
+
+    tensors: dict[str, Tensor]
+    numbers: dict[str, Any]
+    """JSON values."""
+
 
 class Passes:
     """A network in training, and the running mean of its weights.
@@ -28,6 +42,7 @@ class Passes:
         trained_on: Positions in ``data`` to learn from. Shape (M,).
         settings: The recipe.
         generator: Of all that inputs are varied by.
+        device: Where the network is trained. Inputs are varied by the processor.
     """
 
     def __init__(
@@ -37,14 +52,18 @@ class Passes:
         trained_on: NDArray[np.int64],
         settings: TrainSettings,
         generator: torch.Generator,
+        *,
+        device: torch.device = CPU,
     ) -> None:
         # Strided convolutions of few channels are fastest in channels-last, forwards and backwards.
-        self._network = network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+        self._network = network.to(device=device, memory_format=torch.channels_last)  # type: ignore[call-overload]
         self._mean = _RunningMean(network, settings.average)
         self._settings = settings
         self._generator = generator
         self._rng = np.random.default_rng([settings.seed % 2**64, 1])
-        self._dtype = dtype_for(settings.precision, torch.device("cpu"))
+        self._device = device
+        self._dtype = dtype_for(settings.precision, device)
+        self._steps = 0
         self._samples = FLIPS * len(trained_on)
         self._loader = GraspLoader(
             TorchGrasps(data),
@@ -53,13 +72,12 @@ class Passes:
             seed=settings.seed % 2**64,
             rows=np.repeat(trained_on, FLIPS),
         )
-        rate = settings.learning_rate
-        self._optimiser = torch.optim.AdamW(network.parameters(), lr=rate, weight_decay=settings.weight_decay)
-        self._schedule = torch.optim.lr_scheduler.LambdaLR(
-            self._optimiser, lambda step: min(1.0, (step + 1) / (settings.warmup_steps + 1))
+        self._optimiser = torch.optim.AdamW(
+            network.parameters(), lr=settings.learning_rate, weight_decay=settings.weight_decay
         )
         share = float(data.labels[trained_on].mean())
-        self._positive_weight = torch.tensor((1 - share) / share) if settings.balance and 0 < share < 1 else None
+        weighted = settings.balance and 0 < share < 1
+        self._positive_weight = torch.tensor((1 - share) / share, device=device) if weighted else None
 
     @property
     def mean(self) -> GraspQualityNetwork:
@@ -69,13 +87,48 @@ class Passes:
     def run_one(self) -> float:
         """See every attempt four times, in a flip of its own each time; returns the mean loss."""
         self._network.train()
-        total_loss = 0.0
+        total_loss: float | Tensor = 0.0
         for inputs, labels in self._loader:  # (B, 4, size, size) float16, (B,)
             if len(labels) < 2:
                 continue  # batch normalisation has no variance over one input
             varied = self._settings.jitter(inputs, self._generator)
-            total_loss += len(labels) * self._step(*self._mixed(varied, labels))
-        return total_loss / self._samples
+            batch, mixed_labels = self._mixed(varied, labels)
+            total_loss += len(labels) * self._step(
+                batch.to(self._device, non_blocking=True), mixed_labels.to(self._device, non_blocking=True)
+            )
+        return float(total_loss) / self._samples
+
+    def state(self) -> PassesState:
+        """Everything that the next passes depend on; it does not change with them."""
+        tensors = {f"network.{name}": tensor for name, tensor in self._network.state_dict().items()}
+        tensors |= {f"mean.{name}": tensor for name, tensor in self.mean.state_dict().items()}
+        for at, moments in self._optimiser.state_dict()["state"].items():
+            tensors |= {f"optimiser.{at}.{name}": tensor for name, tensor in moments.items()}
+        tensors["generator"] = self._generator.get_state()
+        return PassesState(
+            tensors={name: tensor.detach().cpu().clone() for name, tensor in tensors.items()},
+            numbers={"steps": self._steps, "loader": self._loader.state_dict(), "rng": self._rng.bit_generator.state},
+        )
+
+    def load_state(self, state: PassesState) -> None:
+        """Go on where the passes that gave the state stood.
+
+        Raises:
+            KeyError, RuntimeError: It is that of another network.
+            LoaderStateError: It is that of other data.
+        """
+        self._network.load_state_dict(_below(state.tensors, "network."))
+        self.mean.load_state_dict(_below(state.tensors, "mean."))
+        moments: dict[int, dict[str, Tensor]] = {}
+        for name, tensor in _below(state.tensors, "optimiser.").items():
+            at, moment = name.split(".")
+            moments.setdefault(int(at), {})[moment] = tensor
+        groups = self._optimiser.state_dict()["param_groups"]
+        self._optimiser.load_state_dict({"state": moments, "param_groups": groups})
+        self._generator.set_state(state.tensors["generator"])
+        self._loader.load_state_dict(state.numbers["loader"])
+        self._rng.bit_generator.state = state.numbers["rng"]
+        self._steps = state.numbers["steps"]
 
     def _mixed(self, inputs: Tensor, labels: Tensor) -> tuple[Tensor, Tensor]:
         """Every input and label mixed with another of the batch, where the recipe has it."""
@@ -84,17 +137,20 @@ class Passes:
         share = self._rng.beta(self._settings.mixup, self._settings.mixup)
         return mixed_up(inputs, labels, torch.from_numpy(self._rng.permutation(len(labels))), share)
 
-    def _step(self, inputs: Tensor, labels: Tensor) -> float:
-        """Descend once; returns the loss before. (B, 4, size, size), (B,)."""
-        with torch.autocast("cpu", self._dtype, enabled=self._dtype != torch.float32):
+    def _step(self, inputs: Tensor, labels: Tensor) -> Tensor:
+        """Descend once; returns the loss before, which is not waited for. (B, 4, size, size), (B,)."""
+        rate = self._settings.learning_rate * min(1.0, (self._steps + 1) / (self._settings.warmup_steps + 1))
+        for group in self._optimiser.param_groups:
+            group["lr"] = rate
+        with torch.autocast(self._device.type, self._dtype, enabled=self._dtype != torch.float32):
             logits = self._network(inputs.contiguous(memory_format=torch.channels_last))  # (B,)
         loss = functional.binary_cross_entropy_with_logits(logits.float(), labels, pos_weight=self._positive_weight)
         self._optimiser.zero_grad(set_to_none=True)
         loss.backward()
         self._optimiser.step()
-        self._schedule.step()
-        self._mean.update(self._network)
-        return float(loss.detach())
+        self._mean.update(self._network, self._steps)
+        self._steps += 1
+        return loss.detach().double()
 
 
 def mixed_up(inputs: Tensor, labels: Tensor, others: Tensor, share: float) -> tuple[Tensor, Tensor]:
@@ -122,17 +178,20 @@ class _RunningMean:
     def __init__(self, network: GraspQualityNetwork, factor: float) -> None:
         self.network = copy.deepcopy(network).eval().requires_grad_(False)
         self._factor = factor
-        self._steps = 0
         self._into = _floats(self.network)
 
     @torch.no_grad()
-    def update(self, network: GraspQualityNetwork) -> None:
-        """Count the weights that ``network`` has now."""
-        factor = min(self._factor, (self._steps + 1) / (self._steps + 10))
+    def update(self, network: GraspQualityNetwork, steps: int) -> None:
+        """Count the weights that ``network`` has now, after so many steps that were counted before."""
+        factor = min(self._factor, (steps + 1) / (steps + 10))
         torch._foreach_lerp_(self._into, _floats(network), 1 - factor)
-        self._steps += 1
 
 
 def _floats(network: nn.Module) -> list[Tensor]:
     """Weights and statistics, in one order; what batch normalisation counts has no part in what it computes."""
     return [tensor for tensor in network.state_dict().values() if tensor.dtype.is_floating_point]
+
+
+def _below(tensors: Mapping[str, Tensor], prefix: str) -> dict[str, Tensor]:
+    """Those whose names begin so, without the beginning."""
+    return {name.removeprefix(prefix): tensor for name, tensor in tensors.items() if name.startswith(prefix)}

@@ -24,7 +24,7 @@ def predict(network: GraspQualityNetwork, inputs: InputRows, rows: Tensor) -> ND
         ScoreError: A score is not in [0, 1].
     """
     network.eval()
-    return _scores(lambda batch: torch.sigmoid(network(batch)), inputs, rows)
+    return _scores(lambda batch: torch.sigmoid(network(batch.to(network.device))), inputs, rows)
 
 
 def predict_with_flips(network: GraspQualityNetwork, inputs: InputRows, rows: Tensor) -> NDArray[np.float32]:
@@ -32,7 +32,9 @@ def predict_with_flips(network: GraspQualityNetwork, inputs: InputRows, rows: Te
     network.eval()
 
     def mean_over_flips(batch: Tensor) -> Tensor:
-        flips = [torch.sigmoid(network(flipped(batch, torch.full((len(batch),), which)))) for which in range(FLIPS)]
+        batch = batch.to(network.device)
+        which = torch.arange(FLIPS, device=network.device)[:, None].expand(-1, len(batch))
+        flips = [torch.sigmoid(network(flipped(batch, one))) for one in which]
         return torch.stack(flips).mean(dim=0)
 
     return _scores(mean_over_flips, inputs, rows)
@@ -42,7 +44,7 @@ def _scores(score: Callable[[Tensor], Tensor], inputs: InputRows, rows: Tensor) 
     """What ``score`` makes of the rows, a batch at a time. Shape (len(rows),)."""
     with torch.inference_mode():
         batches = [score(_read(inputs, batch)) for batch in rows.split(SCORE_BATCH) if len(batch)]
-    scores = torch.cat(batches).numpy() if batches else np.empty(0, np.float32)
+    scores = torch.cat(batches).cpu().numpy() if batches else np.empty(0, np.float32)
     check_scores(scores, len(rows))
     return scores
 

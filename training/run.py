@@ -13,6 +13,7 @@ from handsight import __version__
 from handsight.datasets.atomic import atomic_file
 from handsight.servoing.homography import InputGrid
 from handsight.training.card import remove_card, write_card
+from handsight.training.course import Epoch
 from handsight.training.errors import NetworkSettingsError
 from handsight.training.gqn import GraspQualityNetwork
 from handsight.training.precision import Precision
@@ -27,7 +28,6 @@ from handsight.training.run_folder import (
 from handsight.training.run_record import RUN_VERSION, WEIGHTS_SHA256, origins_of, read_record, sealed
 from handsight.training.scorer import Scorer
 from handsight.training.settings import TrainSettings
-from handsight.training.trainer import Epoch
 from handsight.training.weights import read_weights, write_next_weights
 
 

@@ -6,6 +6,7 @@ import copy
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -14,22 +15,14 @@ from numpy.typing import NDArray
 
 from handsight.datasets.errors import counted
 from handsight.datasets.inputs.mixture import LabelledInputs
+from handsight.training.checkpoint import Checkpoint, identity_of
+from handsight.training.course import Course, Epoch
 from handsight.training.errors import DivergedError, TrainingDataError
 from handsight.training.gqn import GraspQualityNetwork
-from handsight.training.metrics import Metrics, evaluate_scores
-from handsight.training.passes import Passes
+from handsight.training.metrics import evaluate_scores
+from handsight.training.passes import CPU, Passes
 from handsight.training.prediction import predict
 from handsight.training.settings import TrainSettings
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Epoch:
-    """Progress after one pass."""
-
-    number: int
-    """From 1."""
-    train_loss: float
-    held_out: Metrics
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,6 +42,8 @@ def train(
     *,
     rows: NDArray[np.int64] | None = None,
     on_epoch: Callable[[Epoch], None] | None = None,
+    checkpoint: Path | None = None,
+    device: torch.device = CPU,
 ) -> Trained:
     """Train on ``data``; the same data, settings and number of threads give the same weights on one kind of processor.
 
@@ -58,11 +53,16 @@ def train(
         data: Inputs and labels.
         settings: The recipe.
         rows: Positions of the inputs to use, as if there were no others; None uses all. Shape (M,).
-        on_epoch: Called after every pass.
+        on_epoch: Called after every pass; after those that a checkpoint has, too.
+        checkpoint: File that the training goes on from, if it is there, and that it is kept in after every pass. It
+            stays: once the network is stored, it is for the caller to delete.
+        device: Where the network is trained.
 
     Raises:
         TrainingDataError: One class is missing, so there is nothing to tell apart.
         DivergedError: The loss of a pass is no number.
+        CheckpointError: The checkpoint is damaged, or of another training.
+        OSError: The checkpoint cannot be read or written.
     """
     labels = data.labels
     used = np.arange(len(labels)) if rows is None else rows
@@ -75,22 +75,41 @@ def train(
         network = GraspQualityNetwork(settings.network)
     held_out, trained_on = _split(data.attempts.index, used, settings.holdout, generator)
 
-    passes = Passes(network, data, trained_on, settings, generator)
-    history: list[Epoch] = []
-    kept, weights = 0, passes.mean.state_dict()  # the position in the history, and the state after it
-    for number in range(1, settings.epochs + 1):
-        train_loss = passes.run_one()
-        _check_loss(train_loss, number, settings)
-        metrics = evaluate_scores(predict(passes.mean, data.inputs, torch.from_numpy(held_out)), labels[held_out])
-        history.append(Epoch(number=number, train_loss=train_loss, held_out=metrics))
+    passes = Passes(network, data, trained_on, settings, generator, device=device)
+    course = Course(history=[], kept=0, weights=copy.deepcopy(passes.mean.state_dict()))
+    kept_in = None
+    if checkpoint is not None:
+        kept_in = Checkpoint(path=checkpoint, identity=identity_of(data, used, settings, device))
+        kept_in.read_into(course, passes)
+    for epoch in course.history if on_epoch is not None else ():
+        on_epoch(epoch)
+    while not _is_over(course, settings):
+        epoch = _one_more(passes, data, held_out, number=len(course.history) + 1, settings=settings)
+        course.history.append(epoch)
+        loss = epoch.held_out.loss
+        if epoch.number <= settings.least_epochs or loss is None or loss < _loss(course.history[course.kept]):
+            course.kept, course.weights = epoch.number - 1, copy.deepcopy(passes.mean.state_dict())
+        if kept_in is not None:
+            kept_in.write(course, passes)
         if on_epoch is not None:
-            on_epoch(history[-1])
-        if number <= settings.least_epochs or metrics.loss is None or metrics.loss < _loss(history[kept]):
-            kept, weights = number - 1, copy.deepcopy(passes.mean.state_dict())
-        elif number - 1 - kept == settings.patience:
-            break
-    network.load_state_dict(weights)
-    return Trained(network=network.eval(), history=tuple(history), kept=history[kept])
+            on_epoch(epoch)
+    network.load_state_dict(course.weights)
+    return Trained(network=network.eval(), history=tuple(course.history), kept=course.history[course.kept])
+
+
+def _one_more(
+    passes: Passes, data: LabelledInputs, held_out: NDArray[np.int64], *, number: int, settings: TrainSettings
+) -> Epoch:
+    """A pass, and how good the network is after it."""
+    train_loss = passes.run_one()
+    _check_loss(train_loss, number, settings)
+    scores = predict(passes.mean, data.inputs, torch.from_numpy(held_out))
+    return Epoch(number=number, train_loss=train_loss, held_out=evaluate_scores(scores, data.labels[held_out]))
+
+
+def _is_over(course: Course, settings: TrainSettings) -> bool:
+    passes = len(course.history)
+    return passes == settings.epochs or passes - 1 - course.kept >= settings.patience
 
 
 def _split(

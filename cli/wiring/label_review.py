@@ -21,8 +21,8 @@ from handsight.evaluation.label_issues import LabelIssue, LabelReview, rank_labe
 from handsight.evaluation.label_review import ReviewPlan, collect_faults, curation_commands, plan_review
 from handsight.servoing.homography import InputGrid
 from handsight.servoing.planar import PlanarPose
+from handsight.training.course import Epoch
 from handsight.training.cross_validation import out_of_fold_scores
-from handsight.training.trainer import Epoch
 from handsight.viz.examples import LabelIssueExample
 from handsight.viz.recordings.label_issues import write_label_issues
 from handsight.viz.recordings.recording import check_recording_path

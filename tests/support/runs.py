@@ -10,10 +10,10 @@ import torch
 from tests.support.drawn import SMALL
 
 from handsight.servoing.homography import InputGrid
+from handsight.training.course import Epoch
 from handsight.training.gqn import GraspQualityNetwork
 from handsight.training.metrics import Metrics
 from handsight.training.run import DataOrigin, save_run
-from handsight.training.trainer import Epoch
 
 ORIGIN = DataOrigin(
     dataset="lab/grasps@v1", ref="v1", snapshot="ABCDEFGH", digest="d" * 64, view="overhead", attempts=80

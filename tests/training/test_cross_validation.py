@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 from tests.support.drawn import SMALL, drawn_inputs
 
 from handsight.datasets.inputs.materialize import GraspInputs
+from handsight.training.course import Epoch
 from handsight.training.cross_validation import check_folds, out_of_fold_scores
 from handsight.training.errors import TrainingDataError
 from handsight.training.metrics import Metrics, evaluate_scores
 from handsight.training.prediction import predict_with_flips
-from handsight.training.trainer import Epoch, train
+from handsight.training.trainer import train
 
 QUICK = replace(SMALL, epochs=1)
 DATA = drawn_inputs(60, seed=0)

@@ -10,11 +10,12 @@ from tensorboard.backend.event_processing.event_accumulator import EventAccumula
 from tests.support.drawn import SMALL, drawn_inputs
 
 from handsight.training import event_files as module
+from handsight.training.course import Epoch
 from handsight.training.errors import MissingExtraError
 from handsight.training.event_files import EventFiles, check_tensorboard, event_files
 from handsight.training.metrics import Metrics
 from handsight.training.run_folder import EVENTS
-from handsight.training.trainer import Epoch, train
+from handsight.training.trainer import train
 
 
 def curves(folder: Path) -> dict[str, list[tuple[int, float]]]:

@@ -102,6 +102,7 @@ def test_a_stored_record_is_read_and_one_written_now_has_the_same_keys(tmp_path:
     del expected["origin"]
     expected["settings"]["network"] |= {"padded": None}  # type: ignore[index]
     expected["settings"] |= dict.fromkeys(("least_epochs", "patience", "warmup_steps", "average", "mixup", "precision"))  # type: ignore[operator]
+    expected["settings"]["jitter"] |= {"flips": None}  # type: ignore[index]
     assert keys(written) == {**expected, "origins": None, "kept_epoch": None, **hashes}
     assert [list(origin) for origin in written["origins"]] == [list(STORED["origin"])]
     assert list(written["history"][0]) == list(STORED["history"][0])
