@@ -38,6 +38,17 @@ NOUNS = (
         kept="no run was written; the network inputs that were made are kept for the next call",
     ),
     LazyCommand("runs", "runs:runs_app", "List, inspect and compare trained runs."),
+    LazyCommand("ablate", "ablate:ablate_app", "Compare what networks read, by how much they learn from."),
+    LazyCommand(
+        "crossval",
+        "crossval:crossval_command",
+        "Test a recipe on objects that its networks never saw.",
+        (
+            "handsight crossval grasps@v1 --out crossval",
+            "handsight crossval grasps@v1 --trials 10 --channels depth --size 2000 --out crossval",
+        ),
+        kept="trials that are done are kept; the same call goes on",
+    ),
     LazyCommand(
         "evaluate",
         "evaluate:evaluate_command",

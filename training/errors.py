@@ -5,9 +5,11 @@ TrainingError
 ├── PictureError (ValueError)           a picture of which a network can score no part
 ├── TrainerSettingsError (ValueError)   training settings out of range
 ├── TrainingDataError (ValueError)      a dataset from which nothing can be learnt
-├── MissingExtraError (ImportError)    something is asked for that needs a package which is not installed
+├── MissingExtraError (ImportError)     something is asked for that needs a package which is not installed
 ├── DivergedError (ArithmeticError)     training that ended in numbers that are none
-└── CheckpointError (ValueError)        a run folder that holds no usable checkpoint
+├── CheckpointError (ValueError)        a run folder that holds no usable checkpoint
+├── SweepPlanError (ValueError)         a sweep that cannot be run, or not in this folder
+└── SweepFolderError (ValueError)       a folder that holds no usable sweep
 """
 
 
@@ -41,3 +43,11 @@ class MissingExtraError(TrainingError, ImportError):
 
 class CheckpointError(TrainingError, ValueError):
     """A run folder that holds no usable checkpoint."""
+
+
+class SweepPlanError(TrainingError, ValueError):
+    """A sweep that cannot be run, or not in this folder."""
+
+
+class SweepFolderError(TrainingError, ValueError):
+    """A folder that holds no usable sweep."""

@@ -16,19 +16,22 @@ CARD = "README.md"
 """What the record says, in words (card.py)."""
 CARD_MARK = "<!-- handsight: card of a run -->"
 """How a card begins: a README that somebody else wrote is never replaced."""
+CHECKPOINT = "checkpoint.ckpt"
+"""A training that is not at its end (checkpoint.py)."""
 EVENTS = "tensorboard"
 """Folder of curves (event_files.py), each in a folder of its own. Nothing of it is ever replaced."""
 
-_OWN = (RUN_RECORD, WEIGHTS, NEXT_WEIGHTS, EVENTS)
+_OWN = (RUN_RECORD, WEIGHTS, NEXT_WEIGHTS, EVENTS, CHECKPOINT)
 _NAMES_LISTED = 3
 
 
-def check_run_folder(folder: Path, *, overwrite: bool = False) -> None:
+def check_run_folder(folder: Path, *, overwrite: bool = False, resume: bool = False) -> None:
     """Refuse a place where a run cannot be written, before hours are spent on training.
 
     Args:
         folder: Where the run is to be.
         overwrite: Whether a run that is there may be replaced. Other things never are.
+        resume: Whether a training that was interrupted is to go on.
 
     Raises:
         CheckpointError: A file is in the way, the folder holds a run or other things, or it cannot be written to.
@@ -53,6 +56,11 @@ def check_run_folder(folder: Path, *, overwrite: bool = False) -> None:
         raise CheckpointError(
             f"{folder} holds {what} already, expected a new or empty folder: choose another --out, or replace it with "
             "--overwrite"
+        )
+
+    if CHECKPOINT in held and not (overwrite or resume):
+        raise CheckpointError(
+            f"{folder} holds a training that was interrupted: go on with --resume, or begin anew with --overwrite"
         )
 
 
@@ -86,4 +94,6 @@ def remove_unfinished(folder: Path) -> None:
 
 
 def _is_unfinished(name: str) -> bool:
-    return name.startswith((".run.unfinished-", ".model.next.unfinished-", ".README.unfinished-"))
+    return name.startswith(
+        (".run.unfinished-", ".model.next.unfinished-", ".README.unfinished-", ".checkpoint.unfinished-")
+    )

@@ -81,8 +81,9 @@ def train(
     if checkpoint is not None:
         kept_in = Checkpoint(path=checkpoint, identity=identity_of(data, used, settings, device))
         kept_in.read_into(course, passes)
-    for epoch in course.history if on_epoch is not None else ():
-        on_epoch(epoch)
+    if on_epoch is not None:
+        for epoch in course.history:
+            on_epoch(epoch)
     while not _is_over(course, settings):
         epoch = _one_more(passes, data, held_out, number=len(course.history) + 1, settings=settings)
         course.history.append(epoch)

@@ -1,0 +1,365 @@
+"""``handsight ablate``: what a network reads against how much it learns from, cross-validated (figure 7)."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from contextlib import AbstractContextManager, nullcontext
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
+
+from handsight.cli.completion import words
+from handsight.cli.errors import CommandError
+from handsight.cli.lazy import LazyCommand, LazyGroup, lazy_app
+from handsight.cli.opening import checked_address
+from handsight.cli.options import MOST_EPOCHS, Datasets, DryRun, Json, Seed, Workers
+from handsight.cli.output import bold, console, print_json
+from handsight.datasets.inputs.viewpoint import DEFAULT_VIEWPOINT
+
+if TYPE_CHECKING:
+    from handsight.jobs.engine import Engine
+
+FAILED = 1
+"""Exit status where cells failed."""
+USUAL_TRIALS = 30
+
+SweepOut = Annotated[
+    Path, typer.Option("--out", metavar="DIR", help="Folder of the sweep; the same call goes on in it.")
+]
+SweepFolderArgument = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a sweep.")]
+Trials = Annotated[
+    int, typer.Option("--trials", max=1000, help="How often groups are drawn anew and held out; more can follow later.")
+]
+By = Annotated[
+    Literal["object", "scene", "session"], typer.Option("--by", help="What is never on both sides of a trial.")
+]
+HeldOut = Annotated[float, typer.Option("--held-out", help="Share of these that a trial holds out.")]
+SweepViewpoint = Annotated[
+    Literal["overhead", "pregrasp"], typer.Option("--viewpoint", help="Picture that is warped to the grasp.")
+]
+Epochs = Annotated[
+    int, typer.Option(max=MOST_EPOCHS, help="Most passes over the data; there are fewer where more would not help.")
+]
+SweepEngine = Annotated[
+    Literal["local", "ray"],
+    typer.Option("--engine", help="Where the workers run: on this machine, or on a Ray cluster."),
+]
+RayAddress = Annotated[
+    str | None,
+    typer.Option(
+        "--ray-address",
+        metavar="HOST:PORT",
+        help="Head of the Ray cluster; unless given $RAY_ADDRESS, or else a cluster of this machine alone.",
+    ),
+]
+RetryFailed = Annotated[
+    bool, typer.Option("--retry-failed", help="Go on with cells that failed, from where each of them stood.")
+]
+RestartFailed = Annotated[bool, typer.Option("--restart-failed", help="Begin anew with cells that failed.")]
+Allow = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--allow",
+        metavar="NAME",
+        help="Part of the plan that may differ from that of the folder, such as handsight, its version; may be given "
+        "several times.",
+    ),
+]
+
+
+class AblateGroup(LazyGroup):
+    """The sweep itself, and what looks at one; a dataset in the place of a verb means the sweep."""
+
+    table = (
+        LazyCommand(
+            "run",
+            "ablate:ablate_run",
+            "Train the cells of a sweep; the word 'run' can be left out.",
+            (
+                "handsight ablate grasps@v1 --out figure7",
+                "handsight ablate grasps@v1 --sizes 500,1000,2000 --trials 10 --out figure7 --dry-run",
+                "handsight ablate clean@v1 noisy@v1 --channels rgb,depth --out noise",
+                "handsight ablate grasps@v1 --channels rgbd --sizes 2000 --vary mixup=0,0.2 --out mixup",
+            ),
+            kept="cells that are done are kept; the same call goes on",
+        ),
+        LazyCommand(
+            "status",
+            "ablate:ablate_status",
+            "Say what is done and what is left.",
+            ("handsight ablate status figure7",),
+        ),
+        LazyCommand(
+            "plot",
+            "ablate:ablate_plot",
+            "Write the tables and the figure anew.",
+            ("handsight ablate plot figure7",),
+        ),
+    )
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Let the sweep itself go without its verb."""
+        verbs = {command.name for command in self.table}
+        if args and args[0] not in verbs and args[0] not in ("-h", "--help"):
+            args = ["run", *args]
+        return super().parse_args(ctx, args)
+
+
+ablate_app = lazy_app(AblateGroup, help="Compare what networks read, by how much they learn from (figure 7).")
+
+
+def ablate_run(
+    datasets: Datasets,
+    out: SweepOut,
+    channels: Annotated[
+        str,
+        typer.Option(
+            metavar="A,B,C", help="What networks read: rgbd, rgb, depth.", autocompletion=words("rgbd", "rgb", "depth")
+        ),
+    ] = "rgb,depth,rgbd",
+    sizes: Annotated[
+        str,
+        typer.Option(
+            metavar="N,N,all",
+            help="Attempts in training sets; unless given 250, 500, 1000, 2000, 5000 and so on up to what there is.",
+        ),
+    ] = "",
+    trials: Trials = USUAL_TRIALS,
+    by: By = "object",
+    held_out: HeldOut = 0.2,
+    seed: Seed = 0,
+    vary: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME=A,B",
+            help="Part of the recipe that is tried both ways: augmentation=on,off, balance, mixup, lr, weight-decay, "
+            "average, batch, epochs, least-epochs or patience; may be given several times.",
+        ),
+    ] = None,
+    epochs: Epochs = 40,
+    viewpoint: SweepViewpoint = DEFAULT_VIEWPOINT,
+    only: Annotated[
+        list[str] | None,
+        typer.Option(metavar="CHANNELS:SIZE:TRIAL", help="Only these cells: rgb, rgb:5000 or rgb:5000:3."),
+    ] = None,
+    retry_failed: RetryFailed = False,
+    restart_failed: RestartFailed = False,
+    allow: Allow = None,
+    workers: Workers = 2,
+    engine: SweepEngine = "local",
+    ray_address: RayAddress = None,
+    dry_run: DryRun = False,
+    as_json: Json = False,
+) -> None:
+    """Train networks that read RGB, depth or both on training sets of several sizes, and test them on other objects.
+
+    Every trial holds out other objects and tests all networks on the same. Datasets given beside each other, such as
+    one with and one without noise, are compared too. The same call goes on where another was interrupted, several calls
+    on one folder share the work, and more trials, sizes or channels can be asked for later.
+    """
+    axes = {
+        "channels": _split(channels),
+        "sizes": sizes_of(sizes),
+        "varied": varied_of(vary or []),
+        "trials": trials,
+        "by": by,
+        "held_out": held_out,
+        "seed": seed,
+        "viewpoint": viewpoint,
+    }
+    found = sweep(
+        datasets,
+        out,
+        axes,
+        epochs=epochs,
+        only=only or [],
+        retry_failed=retry_failed,
+        restart_failed=restart_failed,
+        allow=allow or [],
+        workers=workers,
+        engine=engine,
+        ray_address=ray_address,
+        dry_run=dry_run,
+        as_json=as_json,
+    )
+    end_sweep(found, out, as_json=as_json)
+
+
+def sweep(
+    datasets: list[str],
+    out: Path,
+    axes: dict[str, Any],
+    *,
+    epochs: int,
+    only: list[str],
+    retry_failed: bool,
+    restart_failed: bool,
+    allow: list[str],
+    workers: int,
+    engine: str,
+    ray_address: str | None,
+    dry_run: bool,
+    as_json: bool,
+) -> dict[str, Any] | None:
+    """Plan and train a sweep; returns what it found, or None of a dry run, which says what it would do."""
+    check_engine(engine, ray_address)
+    twice = sorted({name for name in datasets if datasets.count(name) > 1})
+    if twice:
+        raise CommandError(f"{', '.join(twice)} is named more than once, expected every version once")
+    for dataset in datasets:
+        checked_address(dataset)
+    from handsight.cli.wiring.sweeps import estimated, planned, print_estimate, run, write_tables
+    from handsight.training.settings import TrainSettings
+    from handsight.training.sweep.folder import SweepFolder
+    from handsight.training.sweep.run import chosen_by
+
+    recipe = TrainSettings(epochs=epochs)
+    plan = planned(datasets, out, allowed=allow, dry_run=dry_run, recipe=recipe, **axes)
+    if dry_run:
+        left = estimated(plan, SweepFolder(out), chosen_by(only, plan), workers)
+        if as_json:
+            print_json({"plan": plan.to_json(), "left": left})
+        else:
+            print_estimate(plan, left, workers)
+        return None
+    with engine_named(engine, ray_address, workers) as started:
+        report = run(
+            plan,
+            out,
+            workers=workers,
+            engine=started,
+            only=only,
+            retry_failed=retry_failed,
+            restart_failed=restart_failed,
+        )
+    found = write_tables(plan, out, shlex.join(["handsight", *sys.argv[1:]]))
+    return {**found, "trained": report.trained, "elsewhere": report.elsewhere}
+
+
+def end_sweep(found: dict[str, Any] | None, out: Path, *, as_json: bool, objects: bool = False) -> None:
+    """Print what a sweep found; exit status 1 where cells failed."""
+    if found is None:
+        return
+    if as_json:
+        print_json(found)
+    else:
+        from handsight.cli.wiring.sweeps import print_found, print_objects
+
+        print_found(found)
+        if objects:
+            print_objects(found)
+        states = found["states"]
+        rest = "".join(f", {states[name]} {name}" for name in ("failed", "running", "left") if states[name])
+        console.print(bold(out), f": {states['done']} of {sum(states.values())} cells done{rest}")
+        if states["failed"]:
+            console.print("to train failed cells again: the same call with --retry-failed or --restart-failed")
+    if found["states"]["failed"]:
+        raise typer.Exit(FAILED)
+
+
+def ablate_status(folder: SweepFolderArgument, workers: Workers = 2, as_json: Json = False) -> None:
+    """Count the cells of a sweep by what they have come to, and say how long the rest will take."""
+    from handsight.cli.wiring.sweeps import duration_text, size_text
+    from handsight.training.sweep.estimate import estimate
+    from handsight.training.sweep.folder import SweepFolder
+    from handsight.training.sweep.plan import read_plan
+
+    plan, cells = read_plan(folder), SweepFolder(folder)
+    states = {cell: cells.state(cell) for cell in plan.cells()}
+    done = cells.results(plan.cells())
+    left = [cell for cell, state in states.items() if state in ("left", "running")]
+    seconds = estimate(plan, left, done, workers=workers, samples_per_s=None).seconds if done else None
+    points: dict[tuple[str, int | None], list[str]] = {}
+    for cell, state in states.items():
+        points.setdefault((cell.series, cell.size), []).append(state)
+    names = ("done", "failed", "running", "left")
+    counts = {point: [some.count(name) for name in names] for point, some in points.items()}
+    if as_json:
+        failed = [
+            {"cell": cell.name, "why": cells.failure(cell)} for cell, state in states.items() if state == "failed"
+        ]
+        rows = [
+            {"series": series, "size": size, **dict(zip(names, numbers, strict=True))}
+            for (series, size), numbers in counts.items()
+        ]
+        print_json({"rows": rows, "failed": failed, "seconds_left": seconds})
+        return
+    from handsight.cli.tables import print_table
+
+    print_table(
+        ("series", "attempts", *names),
+        [(series, size_text(size), *map(str, numbers)) for (series, size), numbers in counts.items()],
+    )
+    for cell, state in states.items():
+        if state == "failed":
+            console.print(f"{cell.name} failed: {cells.failure(cell)}")
+    if left:
+        time_left = "unknown, no cell is done" if seconds is None else f"about {duration_text(seconds)}"
+        console.print(f"left to do: {len(left)} of {len(states)} cells, {time_left} on {workers} workers")
+
+
+def ablate_plot(folder: SweepFolderArgument, as_json: Json = False) -> None:
+    """Write the tables, the page and the figure of a sweep from the cells that are done."""
+    from handsight.cli.wiring.sweeps import write_tables
+    from handsight.training.sweep.plan import read_plan
+
+    found = write_tables(read_plan(folder), folder)
+    end_sweep(found, folder, as_json=as_json)
+
+
+def sizes_of(text: str) -> list[int | None]:
+    """Sizes of training sets from ``250,500,all``.
+
+    Raises:
+        CommandError: Some are no numbers; all of them are named.
+    """
+    sizes: list[int | None] = []
+    unknown = []
+    for word in _split(text):
+        if word == "all":
+            sizes.append(None)
+        elif word.isascii() and word.isdecimal() and len(word) < 10:
+            sizes.append(int(word))
+        else:
+            unknown.append(word)
+    if unknown:
+        raise CommandError(f"--sizes has {', '.join(map(repr, unknown))}, expected numbers of attempts, or all")
+    return sizes
+
+
+def varied_of(texts: list[str]) -> dict[str, list[str]]:
+    """Axes from ``NAME=A,B``.
+
+    Raises:
+        CommandError: A text has another form, or a name comes twice.
+    """
+    varied: dict[str, list[str]] = {}
+    for text in texts:
+        name, sign, values = text.partition("=")
+        if not sign or not name or name in varied:
+            raise CommandError(f"--vary is {text!r}, expected NAME=A,B with every name once")
+        varied[name] = _split(values)
+    return varied
+
+
+def check_engine(name: str, ray_address: str | None) -> None:
+    """Refuse the address of a cluster that is not used."""
+    if name != "ray" and ray_address is not None:
+        raise CommandError(f"--ray-address {ray_address} goes with --engine ray, and the engine is {name}")
+
+
+def engine_named(name: str, ray_address: str | None, workers: int) -> AbstractContextManager[Engine]:
+    """The engine, reached before anything is trained."""
+    if name == "ray":
+        from handsight.jobs.ray_engine import ray_engine  # only where there is a cluster
+
+        return ray_engine(ray_address, workers=workers)
+    from handsight.jobs.engine import LOCAL
+
+    return nullcontext(LOCAL)
+
+
+def _split(text: str) -> list[str]:
+    return [word.strip() for word in text.split(",") if word.strip()]
