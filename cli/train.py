@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import accumulate, pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -10,7 +11,7 @@ import typer
 
 from handsight.cli.errors import CommandError
 from handsight.cli.opening import checked_address, open_version
-from handsight.cli.options import MOST_EPOCHS, Datasets, DryRun, Json, Seed
+from handsight.cli.options import MOST_ATTEMPTS, MOST_EPOCHS, Datasets, DryRun, Filter, Json, Seed, Where
 from handsight.cli.output import bold, console, print_json, progress_bar
 from handsight.datasets.errors import counted
 from handsight.datasets.inputs.viewpoint import DEFAULT_VIEWPOINT
@@ -19,16 +20,21 @@ from handsight.training.run_folder import RUN_RECORD, check_run_folder
 
 if TYPE_CHECKING:
     # PyTorch takes seconds; nothing is imported where there is no dataset, or no place for a run.
+    import pandas as pd
+
     from handsight.datasets.inputs.materialize import GraspInputs
     from handsight.datasets.reading.reader import GraspDataset
     from handsight.servoing.homography import InputGrid
     from handsight.training.course import Epoch
+    from handsight.training.data_selection import DataSelection
     from handsight.training.metrics import Metrics
     from handsight.training.run import DataOrigin
     from handsight.training.settings import TrainSettings
     from handsight.training.trainer import Trained
 
 ViewpointName = Literal["overhead", "pregrasp"]
+DEFAULT_RATE = 2e-3
+"""``TrainSettings`` has it too, and a test that they agree."""
 
 
 def train_command(
@@ -45,6 +51,23 @@ def train_command(
         typer.Option(help="Picture that is warped to the grasp; both, where there are both, as two inputs."),
     ] = DEFAULT_VIEWPOINT,
     seed: Seed = 0,
+    where: Where = "",
+    filter: Filter = "",
+    folds: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME:FOLD",
+            help="Stored folds, and the one of them that is left out; see 'handsight dataset folds'.",
+        ),
+    ] = "",
+    size: Annotated[
+        int | None, typer.Option(min=2, max=MOST_ATTEMPTS, help="Attempts to train on, drawn by the seed.")
+    ] = None,
+    lr: Annotated[float, typer.Option("--lr", help="Learning rate.")] = DEFAULT_RATE,
+    device: Annotated[
+        Literal["auto", "cpu", "cuda"], typer.Option(help="Where to train; auto is a GPU where there is one.")
+    ] = "cpu",
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with a training that was interrupted.")] = False,
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Replace a run that is there, once the new one is trained.")
     ] = False,
@@ -61,24 +84,51 @@ def train_command(
     _check_named_once(datasets)
     for dataset in datasets:
         checked_address(dataset)
-    check_run_folder(out, overwrite=overwrite)
+    fold_name, fold = fold_of(folds)
+    check_run_folder(out, overwrite=overwrite, resume=resume)
     if tensorboard:
         check_tensorboard()
+    from handsight.training.data_selection import DataSelection
     from handsight.training.gqn import GqnConfig
     from handsight.training.settings import TrainSettings
 
-    settings = TrainSettings(network=GqnConfig(channels=channels), epochs=epochs, batch=batch, seed=seed)
+    settings = TrainSettings(
+        network=GqnConfig(channels=channels), epochs=epochs, batch=batch, learning_rate=lr, seed=seed
+    )
+    selection = DataSelection(where=where, filter=filter, folds=fold_name, fold=fold, size=size)
     opened = {dataset: open_version(dataset) for dataset in datasets}
     pictures: tuple[ViewpointName, ...] = ("overhead", "pregrasp") if viewpoint == "both" else (viewpoint,)
     if dry_run:
-        _print_plan(opened, out, pictures, as_json=as_json)
+        _print_plan(opened, out, pictures, selection, as_json=as_json)
         return
-    trained = train_to_folder(opened, out, settings, viewpoints=pictures, overwrite=overwrite, tensorboard=tensorboard)
+    trained = train_to_folder(
+        opened,
+        out,
+        settings,
+        viewpoints=pictures,
+        selection=selection,
+        device=device,
+        resume=resume,
+        overwrite=overwrite,
+        tensorboard=tensorboard,
+    )
     if as_json:
         print_json({"run": out, "epoch": trained.kept})
     else:
         passes = f"pass {trained.kept.number} of {len(trained.history)} kept"
         console.print(bold(out), f": {describe(trained.kept.held_out)}; {passes}")
+
+
+def fold_of(text: str) -> tuple[str, int]:
+    """Folds and the one that is left out, from ``NAME:FOLD``; no name where nothing is given.
+
+    Raises:
+        CommandError: The text has another form.
+    """
+    name, colon, fold = text.rpartition(":")
+    if text and not (name and colon and fold.isascii() and fold.isdecimal() and len(fold) < 4):
+        raise CommandError(f"--folds is {text!r}, expected NAME:FOLD, such as by-object:0")
+    return (name, int(fold)) if text else ("", 0)
 
 
 def _check_named_once(datasets: Sequence[str]) -> None:
@@ -88,11 +138,22 @@ def _check_named_once(datasets: Sequence[str]) -> None:
 
 
 def _print_plan(
-    datasets: Mapping[str, GraspDataset], out: Path, viewpoints: Sequence[ViewpointName], *, as_json: bool
+    datasets: Mapping[str, GraspDataset],
+    out: Path,
+    viewpoints: Sequence[ViewpointName],
+    selection: DataSelection,
+    *,
+    as_json: bool,
 ) -> None:
     """What there is to learn from, and whether a run would make room for the new one."""
-    parts = {(name, view): usable for name, view, usable in _usable(datasets, viewpoints)}
+    found = _usable(datasets, viewpoints)
+    parts = {(name, view): len(rows) for name, view, rows in found}
+    if not selection.is_all:
+        masks = [selection.chosen(datasets[name], rows) for name, _, rows in found]
+        parts = {(name, view): int(mask.sum()) for (name, view, _), mask in zip(found, masks, strict=True)}
     inputs, replaces = sum(parts.values()), (out / RUN_RECORD).is_file()
+    if selection.size is not None:
+        inputs = min(inputs, selection.size * len(viewpoints))
     if as_json:
         listed = [{"dataset": name, "view": view, "attempts": usable} for (name, view), usable in parts.items()]
         print_json({"run": out, "epoch": None, "attempts": inputs, "parts": listed, "replaces": replaces})
@@ -107,7 +168,7 @@ def _print_plan(
 
 def _usable(
     datasets: Mapping[str, GraspDataset], viewpoints: Sequence[ViewpointName]
-) -> list[tuple[str, ViewpointName, int]]:
+) -> list[tuple[str, ViewpointName, pd.DataFrame]]:
     """What each dataset has of each picture. One of them is enough: on-policy data may have what others lack.
 
     Raises:
@@ -116,12 +177,12 @@ def _usable(
     from handsight.datasets.errors import NoTrainingDataError
     from handsight.datasets.inputs.materialize import usable_attempts
 
-    found: list[tuple[str, ViewpointName, int]] = []
+    found: list[tuple[str, ViewpointName, pd.DataFrame]] = []
     for name, dataset in datasets.items():
         faults: list[NoTrainingDataError] = []
         for view in viewpoints:
             try:
-                found.append((name, view, len(usable_attempts(dataset, view))))
+                found.append((name, view, usable_attempts(dataset, view)))
             except NoTrainingDataError as error:
                 faults.append(error)
         if len(faults) == len(viewpoints):
@@ -143,6 +204,9 @@ def train_to_folder(
     settings: TrainSettings,
     *,
     viewpoints: Sequence[ViewpointName],
+    selection: DataSelection | None = None,
+    device: str = "cpu",
+    resume: bool = False,
     overwrite: bool = False,
     tensorboard: bool = False,
 ) -> Trained:
@@ -155,23 +219,40 @@ def train_to_folder(
         out: Folder of the run.
         settings: The recipe.
         viewpoints: Pictures that are warped to the grasp, all that a dataset has of these.
+        selection: Which of their attempts; all unless given.
+        device: Where to train: ``cpu``, ``cuda``, or ``auto`` for a GPU where there is one.
+        resume: Whether to go on with a training that was interrupted.
         overwrite: Whether a run may be replaced.
         tensorboard: Whether event files are written below the folder.
     """
-    check_run_folder(out, overwrite=overwrite)
+    check_run_folder(out, overwrite=overwrite, resume=resume)
+    import pandas as pd
+
     from handsight.datasets.inputs.mixture import mixed
     from handsight.servoing.homography import InputGrid
+    from handsight.training.data_selection import EVERYTHING
+    from handsight.training.devices import device_named
     from handsight.training.lineage import note_run
     from handsight.training.run import save_run
+    from handsight.training.run_folder import CHECKPOINT
     from handsight.training.trainer import train
 
+    selection, where_trained = selection or EVERYTHING, device_named(device)
     grid = InputGrid(size_px=settings.network.size_px)
     wanted = _usable(datasets, viewpoints)
+    masks = [selection.chosen(datasets[name], rows) for name, _, rows in wanted]
+    every = pd.concat([rows[["success"]] for _, _, rows in wanted]).index
+    chosen = selection.rows(masks, every, settings.seed)  # before anything is warped
     parts = [_materialize(datasets[name], view, grid) for name, view, _ in wanted]
+    starts = [0, *accumulate(len(part.attempts) for part in parts)]
     origins = [
-        _origin(datasets[name], name, view, len(part.attempts))
-        for (name, view, _), part in zip(wanted, parts, strict=True)
+        _origin(datasets[name], name, view, int(((chosen >= start) & (chosen < end)).sum()))
+        for (name, view, _), (start, end) in zip(wanted, pairwise(starts), strict=True)
     ]
+    checkpoint = out / CHECKPOINT
+    if not resume:
+        checkpoint.unlink(missing_ok=True)
+    out.mkdir(parents=True, exist_ok=True)
     with progress_bar("train", settings.epochs) as bar, event_files(out, wanted=tensorboard) as events:
 
         def on_epoch(epoch: Epoch) -> None:
@@ -179,7 +260,10 @@ def train_to_folder(
             if events is not None:
                 events.add(epoch)
 
-        trained = train(mixed(parts), settings, on_epoch=on_epoch)
+        rows = None if selection.is_all else chosen
+        trained = train(
+            mixed(parts), settings, rows=rows, on_epoch=on_epoch, checkpoint=checkpoint, device=where_trained
+        )
     save_run(
         out,
         trained.network,
@@ -188,6 +272,7 @@ def train_to_folder(
         settings=settings,
         history=trained.history,
         kept_epoch=trained.kept.number,
+        selection=None if selection.is_all else selection.to_json(),
         overwrite=overwrite,
     )
     note_run(out, datasets)

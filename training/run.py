@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -89,6 +89,7 @@ def save_run(
     settings: TrainSettings,
     history: Sequence[Epoch] = (),
     kept_epoch: int | None = None,
+    selection: Mapping[str, Any] | None = None,
     overwrite: bool = False,
 ) -> None:
     """Write weights, record and card, so that at any moment the folder holds the old run or the new one, whole.
@@ -106,6 +107,7 @@ def save_run(
         settings: How it was trained.
         history: How the training went.
         kept_epoch: After which pass the network was kept.
+        selection: Which attempts of these were used, as :class:`~.data_selection.DataSelection` says it; None for all.
         overwrite: Whether to replace a run that is there.
 
     Raises:
@@ -114,7 +116,7 @@ def save_run(
         ValueError: There is no origin.
         OSError: The disk is full or not writable.
     """
-    check_run_folder(folder, overwrite=overwrite)
+    check_run_folder(folder, overwrite=overwrite, resume=True)
     if not origins:
         raise ValueError("there is no origin, expected one for each version that the network was trained on")
     if network.config != settings.network or network.config.size_px != grid.size_px:
@@ -125,7 +127,12 @@ def save_run(
     folder.mkdir(parents=True, exist_ok=True)
     weights_sha256 = write_next_weights(folder, network)
     record = sealed(
-        {**_record(network, origins, grid, settings), **_progress(history, kept_epoch), WEIGHTS_SHA256: weights_sha256},
+        {
+            **_record(network, origins, grid, settings),
+            **_progress(history, kept_epoch),
+            **({} if selection is None else {"selection": dict(selection)}),
+            WEIGHTS_SHA256: weights_sha256,
+        },
     )
     replaces = (folder / RUN_RECORD).is_file()
     remove_card(folder)

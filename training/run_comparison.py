@@ -8,7 +8,7 @@ from typing import Any
 
 from handsight.training.run_record import origins_of
 
-_COMPARED = ("handsight", "origins", "grid", "settings")
+_COMPARED = ("handsight", "origins", "selection", "grid", "settings")
 """Keys of a record that say how the network came about. The others are what came of it."""
 _PLACE = ("dataset", "ref", "snapshot")
 """Of an origin: where the data lay. What they were, its digest says."""
@@ -37,6 +37,7 @@ def held_out_alike(records: Sequence[Mapping[str, Any]]) -> bool:
     drawn = [
         (
             [{**one, **dict.fromkeys(_PLACE)} for one in origins_of(dict(record))],
+            record.get("selection"),
             record["settings"].get("seed"),
             record["settings"].get("holdout"),
         )

@@ -87,9 +87,9 @@ def is_card(path: Path) -> bool:
 
 
 def remove_unfinished(folder: Path) -> None:
-    """Remove what a process that was killed while it saved a run has left behind."""
+    """Remove what led to a run that is saved, and what a process that was killed while it did so has left behind."""
     for path in folder.iterdir():
-        if _is_unfinished(path.name):
+        if path.name == CHECKPOINT or _is_unfinished(path.name):
             path.unlink(missing_ok=True)
 
 

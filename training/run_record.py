@@ -256,6 +256,15 @@ _RECORD = {
         "precision": _Optional(one_of(*PRECISION_NAMES)),
         "seed": _Optional(whole(-(2**63), 2**64 - 1)),
     },
+    "selection": _Optional(
+        {
+            "where": _TEXT,
+            "filter": _TEXT,
+            "folds": _TEXT,
+            "fold": _COUNT,
+            "size": or_null(_COUNT),
+        }
+    ),
     "parameters": _Optional(_COUNT),
     "history": [
         {

@@ -115,7 +115,7 @@ DOOMED: dict[str, Doomed] = {
     "export lerobot": _dataset("export", G, "{case}/out", "--format", "lerobot", product="out"),
     "materialize": _dataset("materialize", G),
     "train": Doomed(
-        words=("train", G, "--out", "{case}/run", "--epochs", "1", "--batch", "4"), product="run", slow=True
+        words=("train", G, "--out", "{case}/run", "--epochs", "3", "--batch", "4", "--resume"), product="run", slow=True
     ),
     "collect sim": Doomed(
         words=("collect", "sim", "{case}/new", "-n", "6", "-w", "2", "--seed", "5", "--resume"),
