@@ -34,7 +34,7 @@ NOUNS = (
             "handsight train grasps@v1 --out runs/rgbd",
             "handsight train grasps@v1 on-policy --out runs/mixed --viewpoint both",
             "handsight train grasps --out runs/depth --channels depth",
-            "handsight train grasps --out runs/fold0 --folds by-object:0 --where 'not excluded'",
+            "handsight train grasps --out runs/fold0 --folds by-object:0 --size 2000",
         ),
         kept="every finished pass is kept; the same call with --resume goes on",
     ),
