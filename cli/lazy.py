@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from importlib import import_module
 from typing import Any, ClassVar
 
@@ -44,13 +45,19 @@ class LazyCommand:
         """Import it, as the command that parses its options or the group that looks further."""
         module, attribute = self.target.split(":")
         found = getattr(import_module(f"handsight.cli.{module}"), attribute)
-        if isinstance(found, typer.Typer):
-            return get_command(found)
-        app = typer.Typer(**_PLAIN)
-        app.command(self.name, cls=HandsightCommand, epilog=_examples(self.examples))(found)
-        command = get_command(app)
-        command.kept = self.kept  # type: ignore[attr-defined]  # It is a HandsightCommand.
-        return command
+        return _built(self, found)
+
+
+@cache
+def _built(entry: LazyCommand, found: Any) -> Any:
+    """The command of an app or a function, which takes milliseconds to make of its signature and is then kept."""
+    if isinstance(found, typer.Typer):
+        return get_command(found)
+    app = typer.Typer(**_PLAIN)
+    app.command(entry.name, cls=HandsightCommand, epilog=_examples(entry.examples))(found)
+    command = get_command(app)
+    command.kept = entry.kept  # type: ignore[attr-defined]  # It is a HandsightCommand.
+    return command
 
 
 class LazyGroup(TyperGroup):

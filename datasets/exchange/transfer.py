@@ -21,8 +21,8 @@ from handsight.datasets.exchange.edits import NO_EDITS, Edits, decisions_of
 from handsight.datasets.exchange.sources import SessionSource
 from handsight.datasets.format.arrays import (
     array_at,
+    arrays_with,
     group_at,
-    layouts_of,
     read_all,
     run_concurrently,
     unreadable_chunk,
@@ -43,8 +43,8 @@ from handsight.datasets.writing.batches import (
     LastChunks,
     column_writes,
     frame_writes,
+    new_layouts,
     prepare,
-    session_arrays,
 )
 
 
@@ -265,8 +265,9 @@ def _write(
 def _write_session(group: zarr.Group, source: SessionSource, on_attempt: Callable[[], None] | None) -> None:
     column_rows = packed_rows(source.attributes["status"], source.size)
     create_arrays(group, source.header, column_rows=column_rows)
-    arrays = session_arrays(group)
-    attempts = _encoded(source, FrameEncoder(layouts_of(arrays))) if source.encoded is None else source.encoded()
+    layouts = new_layouts(source.header, column_rows=column_rows)
+    arrays = arrays_with(layouts, group.store, group.path)
+    attempts = _encoded(source, FrameEncoder(layouts)) if source.encoded is None else source.encoded()
     rows: list[Columns] = []
     stored = 0
     last_chunks: LastChunks = {}

@@ -17,17 +17,21 @@ alone, which never changes. Every array ends its codecs with crc32c: blosc and z
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 import zarr
+from zarr.abc.buffer import Buffer
 from zarr.abc.codec import ArrayArrayCodec, BytesBytesCodec
 from zarr.codecs import BloscCodec, Crc32cCodec, TransposeCodec, ZstdCodec
 from zarr.codecs.numcodecs import Delta
+from zarr.storage import MemoryStore
 
 from handsight.datasets.errors import AttemptNotFoundError
+from handsight.datasets.format.arrays import Layouts, array_at, run_concurrently
 from handsight.datasets.records import PHASES, SessionHeader
 
 SCHEMA_VERSION = 2
@@ -260,21 +264,50 @@ SESSION_AXES: dict[str, tuple[str, ...]] = {
 """Names of the axes of every array of a session, by its path in the session's group."""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BlankSession:
+    """What a session without attempts consists of, but for its own attributes."""
+
+    documents: Mapping[str, Buffer]
+    """Everything that is stored, by key; groups before what is in them."""
+    layouts: Layouts
+
+
+def blank_session(header: SessionHeader, *, column_rows: int = COLUMN_CHUNK_ROWS) -> BlankSession:
+    """The arrays of a session that begins, as they are to be created, with ``column_rows`` rows in a chunk of a column.
+
+    Zarr takes 2 ms to work out what an array is stored as, and there are two dozen; so that is done once for all
+    sessions of the same widths.
+    """
+    intrinsics = header.station.camera.intrinsics
+    return _blank(intrinsics.height, intrinsics.width, *column_widths(header), column_rows)
+
+
 def create_arrays(session: zarr.Group, header: SessionHeader, *, column_rows: int = COLUMN_CHUNK_ROWS) -> None:
     """Create the empty arrays of a session, with ``column_rows`` rows in one chunk of a column."""
-    intrinsics = header.station.camera.intrinsics
+    documents = blank_session(header, column_rows=column_rows).documents
+    groups = {key: value for key, value in documents.items() if key.count("/") == 1}
+    for some in (groups, {key: value for key, value in documents.items() if key not in groups}):
+        run_concurrently((session.store_path / key).set(value) for key, value in some.items())
+
+
+@lru_cache(maxsize=64, typed=True)
+def _blank(height: int, width: int, objects: int, conditions: int, column_rows: int) -> BlankSession:
+    documents: dict[str, Buffer] = {}
+    session = zarr.open_group(MemoryStore(documents), mode="w", zarr_format=3)
     for viewpoint in VIEWPOINTS:
         group = session.create_group(viewpoint)
-        frame = (intrinsics.height, intrinsics.width)
-        create_rgb(group, "rgb", frame=frame)
-        create_depth(group, "depth", frame=frame)
+        create_rgb(group, "rgb", frame=(height, width))
+        create_depth(group, "depth", frame=(height, width))
         pose = {"unit": "m"}
         axes = ("attempt", *_FRAME_AXES["pose_base_tool"])
         kept: dict[str, Any] = {"rows": column_rows, "fill": _NAN, "attributes": pose}
         create_array(group, "pose_base_tool", dtype="float64", row=(4, 4), axes=axes, **kept)
     attempts = session.create_group("attempts")
     for column in COLUMNS:
-        create_column(attempts, column, column_widths(header), rows=column_rows)
+        create_column(attempts, column, ColumnWidths(objects, conditions), rows=column_rows)
+    del documents["zarr.json"]
+    return BlankSession(documents=documents, layouts={path: array_at(session, path).metadata for path in SESSION_AXES})
 
 
 def create_column(attempts: zarr.Group, column: Column, widths: ColumnWidths, *, rows: int) -> None:

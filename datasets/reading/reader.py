@@ -57,6 +57,9 @@ class GraspDataset:
         self.snapshot_id, self._root = repository.version(ref)
         check_current(repository.path, ref, self._root)
         self._sessions = {session.ulid: session for session in read_sessions(self._root)}
+        # A version never changes, and to look what a group or an array is takes half a millisecond.
+        self._groups: dict[str, zarr.Group] = {}
+        self._arrays: dict[tuple[str, str], zarr.Array[Any]] = {}
 
     @classmethod
     def open(cls, address: str | DatasetAddress) -> GraspDataset:
@@ -335,8 +338,13 @@ class GraspDataset:
 
     def _column(self, ulid: str, name: str, start: int = 0, stop: int | None = None) -> NDArray[Any]:
         with unless_removed(self.repository, self.snapshot_id):
-            array = array_at(self._group(ulid), f"attempts/{name}")
-            return read_column(array, name, self._sessions[ulid], start, stop)
+            self.repository.check_process()
+            if (ulid, name) not in self._arrays:
+                self._arrays[ulid, name] = array_at(self._group(ulid), f"attempts/{name}")
+            return read_column(self._arrays[ulid, name], name, self._sessions[ulid], start, stop)
 
     def _group(self, ulid: str) -> zarr.Group:
-        return group_at(self.root, f"{SESSIONS}/{ulid}")
+        self.repository.check_process()
+        if ulid not in self._groups:
+            self._groups[ulid] = group_at(self.root, f"{SESSIONS}/{ulid}")
+        return self._groups[ulid]

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import zarr
 from numpy.typing import NDArray
-from zarr.storage import MemoryStore
 
 from handsight.datasets.errors import RecordError
 from handsight.datasets.format.arrays import (
@@ -18,7 +17,6 @@ from handsight.datasets.format.arrays import (
     append_rows,
     array_at,
     group_at,
-    layouts_of,
     read_all,
     read_rows,
     truncate_and_append,
@@ -33,9 +31,9 @@ from handsight.datasets.format.schema import (
     SESSION_AXES,
     VIEWPOINTS,
     Viewpoint,
+    blank_session,
     column_widths,
     create_array,
-    create_arrays,
 )
 from handsight.datasets.format.validation import attempt_faults
 from handsight.datasets.records import GraspAttempt, RgbdFrame, SessionHeader
@@ -85,11 +83,10 @@ def prepare(attempt: GraspAttempt, header: SessionHeader, *, session: str, numbe
     return PreparedAttempt(columns={**columns, **poses}, frames=frames)
 
 
-def new_layouts(header: SessionHeader) -> Layouts:
+def new_layouts(header: SessionHeader, *, column_rows: int = COLUMN_CHUNK_ROWS) -> Layouts:
     """The arrays of a session that begins, as they are to be created."""
-    group = zarr.open_group(MemoryStore(), mode="w")
-    create_arrays(group, header)
-    return layouts_of(session_arrays(group))
+    layouts = blank_session(header, column_rows=column_rows).layouts
+    return {path: layouts[path] for path in (*column_paths(), *frame_paths())}
 
 
 def session_arrays(group: zarr.Group) -> Arrays:

@@ -11,7 +11,6 @@ import json
 import os
 import resource
 import select
-import shutil
 import subprocess
 import sys
 import tempfile
@@ -30,6 +29,7 @@ if "tests" not in sys.modules:
     sys.modules["tests"].__path__ = [str(ROOT / "tests")]
 
 import numpy as np  # noqa: E402 -- once `tests` is known
+from tests.support.fresh_copy import FreshCopy  # noqa: E402
 from tests.support.fuzz_parsers import PARSERS  # noqa: E402
 
 from handsight.cli.errors import EXPECTED  # noqa: E402
@@ -53,6 +53,7 @@ class Workbench:
         os.environ["HANDSIGHT_CACHE"] = str(folder / "cache")
         (folder / "good").mkdir()
         self._parser.make(folder / "good")
+        self._copy = FreshCopy(folder / "good", folder / "spoilt")
 
     def attempt(self, seed: int, index: int) -> int:
         """The exit status of one spoilt input.
@@ -61,9 +62,7 @@ class Workbench:
             Exception: As the parser does; only those of :data:`~handsight.cli.errors.EXPECTED` are as they should be.
         """
         rng = np.random.default_rng([zlib.crc32(self._name.encode()), seed, index])
-        place, before = self._folder / "spoilt", Path.cwd()
-        shutil.rmtree(place, ignore_errors=True)
-        shutil.copytree(self._folder / "good", place, symlinks=True)
+        place, before = self._copy.restored(), Path.cwd()
         # What a word makes a file of is made here.
         os.chdir(place)
         try:

@@ -224,7 +224,9 @@ def spoil_attributes(folder: Path, rng: np.random.Generator) -> list[list[str]]:
     branch = one_of(("main", "main", "main", "handsight.releases"), rng)
     transaction = repository.writable(branch)
     root = zarr.open_group(transaction.store, mode="r+")
-    groups = [root, *(node for _, node in root.members(max_depth=None) if isinstance(node, zarr.Group))]
+    # Zarr lists them in the order in which they were read, which differs.
+    members = sorted(root.members(max_depth=None), key=lambda member: member[0])
+    groups = [root, *(node for _, node in members if isinstance(node, zarr.Group))]
     group = one_of([one for one in groups if one.attrs.asdict()], rng)
     changed = json.loads(json.dumps(mutate_json(group.attrs.asdict(), rng), allow_nan=True, default=str))
     if not isinstance(changed, dict):

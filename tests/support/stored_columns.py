@@ -19,6 +19,10 @@ TEXTS = ("failure", "reason", "author")
 """Arrays of bytes that hold UTF-8, by the end of their path."""
 
 
+_PATHS: dict[str, list[str]] = {}
+"""Of the versions that were looked at: the same one is spoilt again and again, in a copy each time."""
+
+
 def odd_values(path: str, array: zarr.Array[Any]) -> list[NDArray[Any]]:
     """Rows for an array that no attempt, decision or division into folds can have."""
     dtype, row = np.dtype(array.dtype), array.shape[1:]
@@ -41,11 +45,13 @@ def _range(limits: np.iinfo[Any]) -> tuple[int, ...]:
 def small_arrays(folder: Path) -> list[str]:
     """Paths of all arrays on the branch ``main`` of a dataset, but those of pictures."""
     repository = GraspRepository.open(folder)
-    root = repository.root(repository.resolve("main"))
-    members = root.members(max_depth=None)
-    return sorted(
-        path for path, node in members if isinstance(node, zarr.Array) and not path.endswith(("rgb", "depth"))
-    )
+    snapshot = repository.resolve("main")
+    if snapshot not in _PATHS:
+        members = repository.root(snapshot).members(max_depth=None)
+        _PATHS[snapshot] = sorted(
+            path for path, node in members if isinstance(node, zarr.Array) and not path.endswith(("rgb", "depth"))
+        )
+    return _PATHS[snapshot]
 
 
 def tamper(folder: Path, path: str, row: int, value: NDArray[Any] | None = None, *, rows: int | None = None) -> None:
