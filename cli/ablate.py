@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
-import sys
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -234,7 +232,7 @@ def sweep(
             retry_failed=retry_failed,
             restart_failed=restart_failed,
         )
-    found = write_tables(plan, out, shlex.join(["handsight", *sys.argv[1:]]))
+    found = write_tables(plan, out)
     return {**found, "trained": report.trained, "elsewhere": report.elsewhere}
 
 

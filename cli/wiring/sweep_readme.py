@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Mapping, Sequence
 
 from handsight.datasets.errors import counted
@@ -15,14 +16,12 @@ def readme(
     rows: Sequence[SweepRow],
     differences: Sequence[SweepDifference],
     counts: Mapping[str, int],
-    *,
-    command: str = "",
 ) -> str:
     """The page, in Markdown."""
     total = sum(counts.values())
     paragraphs = [
         "# Accuracy on objects never seen, by what a network reads and how much it learnt from",
-        *([f"```sh\n{command}\n```"] if command else []),
+        f"```sh\n{command_of(plan)}\n```",
         f"{counts['done']} of {counted(total, 'cell')} trained"
         + (f", {counts['failed']} failed" if counts["failed"] else "")
         + f", by handsight {plan.handsight}. The plan is in `plan.json`, every cell in `cells/` and `cells.csv`.",
@@ -63,6 +62,26 @@ def readme(
             ),
         ]
     return "\n\n".join(paragraphs) + "\n"
+
+
+def command_of(plan: SweepPlan) -> str:
+    """The call that has this plan, but for where to."""
+    words = ["handsight", "ablate", "run", *(one.address for one in plan.datasets)]
+    options = {
+        "channels": ",".join(plan.channels),
+        "sizes": ",".join("all" if size is None else str(size) for size in plan.sizes),
+        "trials": str(plan.trials),
+        "by": plan.by,
+        "held-out": str(plan.held_out),
+        "seed": str(plan.seed),
+        "epochs": str(plan.recipe.epochs),
+        "viewpoint": plan.datasets[0].viewpoint,
+    }
+    for name, value in options.items():
+        words += [f"--{name}", value]
+    for name, values in plan.varied.items():
+        words += ["--vary", f"{name}={','.join(values)}"]
+    return shlex.join([*words, "--out", "DIR"])
 
 
 def _data(plan: SweepPlan) -> str:

@@ -86,7 +86,7 @@ def run(
         return run_sweep(plan, folder, workers=workers, engine=engine, chosen=chosen, on_cell=show)
 
 
-def write_tables(plan: SweepPlan, out: Path, command: str = "") -> dict[str, Any]:
+def write_tables(plan: SweepPlan, out: Path) -> dict[str, Any]:
     """Write what a sweep has found so far into its folder; returns what ``--json`` prints."""
     folder = SweepFolder(out)
     results = folder.results(plan.cells())
@@ -97,7 +97,7 @@ def write_tables(plan: SweepPlan, out: Path, command: str = "") -> dict[str, Any
     if rows:
         _write(out / f"{FIGURE}.csv", _rows_csv(rows))
         ablation_figure(rows, objects, out / f"{FIGURE}.svg")
-        _write(out / "README.md", readme(plan, rows, differences, counts, command=command))
+        _write(out / "README.md", readme(plan, rows, differences, counts))
     return {
         "out": str(out),
         "states": counts,

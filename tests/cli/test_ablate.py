@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import shlex
 from pathlib import Path
 from typing import Any
 
@@ -45,7 +46,9 @@ def refusal(words: list[str], capsys: pytest.CaptureFixture[str]) -> str:
     return found.err
 
 
-def test_a_sweep_leaves_its_plan_its_cells_its_tables_and_its_figure(swept: Path) -> None:
+def test_a_sweep_leaves_its_plan_its_cells_its_tables_and_its_figure(
+    swept: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert {path.name for path in swept.iterdir()} == {
         "plan.json",
         "cells",
@@ -63,6 +66,11 @@ def test_a_sweep_leaves_its_plan_its_cells_its_tables_and_its_figure(swept: Path
     page = (swept / "README.md").read_text()
     assert "8 of 8 cells trained" in page
     assert "| rgb | depth | 20 | 2 |" in page
+    (call,) = (line for line in page.splitlines() if line.startswith("handsight ablate run"))
+    again = shlex.split(call.replace("--out DIR", f"--out {shlex.quote(str(swept))} --json"))[1:]
+    capsys.readouterr()
+    assert run(again) == 0
+    assert json.loads(capsys.readouterr().out)["trained"] == 0
 
 
 def test_the_same_call_again_trains_nothing_and_prints_the_same(

@@ -85,6 +85,9 @@ def _draw_curves(axes: Axes, rows: Sequence[SweepRow], which: str) -> None:
     n = f"n = {trials[0]}" if len(trials) == 1 else f"n = {trials[0]} to {trials[-1]}"
     title = "Balanced accuracy, S > 0.5" if which == "accuracy" else "Area under the ROC curve"
     dress(axes, title, f"mean and 95 % interval over trials, {n}", grid="y")
+    # Intervals of few trials reach beyond what there can be.
+    least = min([0.5, *(mean.low for row in rows if (mean := getattr(row, which)).low is not None)])
+    axes.set_ylim(max(0.0, least - 0.02), 1.0)
     if which == "accuracy":
         axes.yaxis.set_major_formatter(PercentFormatter(1.0, decimals=0))
 
