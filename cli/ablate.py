@@ -41,6 +41,13 @@ SweepViewpoint = Annotated[
 Epochs = Annotated[
     int, typer.Option(max=MOST_EPOCHS, help="Most passes over the data; there are fewer where more would not help.")
 ]
+Balance = Annotated[
+    bool,
+    typer.Option(
+        "--balance/--no-balance",
+        help="Weigh successes and failures alike in training, as balanced test sets do; without, scores are chances.",
+    ),
+]
 SweepEngine = Annotated[
     Literal["local", "ray"],
     typer.Option("--engine", help="Where the workers run: on this machine, or on a Ray cluster."),
@@ -137,6 +144,7 @@ def ablate_run(
         ),
     ] = None,
     epochs: Epochs = 40,
+    balance: Balance = True,
     viewpoint: SweepViewpoint = DEFAULT_VIEWPOINT,
     only: Annotated[
         list[str] | None,
@@ -171,7 +179,7 @@ def ablate_run(
         datasets,
         out,
         axes,
-        epochs=epochs,
+        recipe={"epochs": epochs, "balance": balance},
         only=only or [],
         retry_failed=retry_failed,
         restart_failed=restart_failed,
@@ -190,7 +198,7 @@ def sweep(
     out: Path,
     axes: dict[str, Any],
     *,
-    epochs: int,
+    recipe: dict[str, Any],
     only: list[str],
     retry_failed: bool,
     restart_failed: bool,
@@ -213,8 +221,7 @@ def sweep(
     from handsight.training.sweep.folder import SweepFolder
     from handsight.training.sweep.run import chosen_by
 
-    recipe = TrainSettings(epochs=epochs)
-    plan = planned(datasets, out, allowed=allow, dry_run=dry_run, recipe=recipe, **axes)
+    plan = planned(datasets, out, allowed=allow, dry_run=dry_run, recipe=TrainSettings(**recipe), **axes)
     if dry_run:
         left = estimated(plan, SweepFolder(out), chosen_by(only, plan), workers)
         if as_json:

@@ -79,6 +79,7 @@ def command_of(plan: SweepPlan) -> str:
     }
     for name, value in options.items():
         words += [f"--{name}", value]
+    words.append("--balance" if plan.recipe.balance else "--no-balance")
     for name, values in plan.varied.items():
         words += ["--vary", f"{name}={','.join(values)}"]
     return shlex.join([*words, "--out", "DIR"])

@@ -13,6 +13,7 @@ import signal
 import subprocess
 import sys
 import tempfile
+import time
 import types
 from dataclasses import dataclass
 from pathlib import Path
@@ -28,7 +29,11 @@ import numpy as np  # noqa: E402 -- once `tests` is known
 from tests.support.swept import make_swept  # noqa: E402
 
 LIMIT_S = 300.0
-_EARLIEST_S = 1.0
+_MOST_NEW = 4
+"""Below which is the number of cells that a call is let finish."""
+_LATEST_S = 0.4
+"""How long after the last of them it is killed, at most; a cell takes about half of it."""
+_POLL_S = 0.01
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,17 +58,12 @@ def kill_sweep(folder: Path, *, kills: int, seed: int, trials: int = 10) -> Kill
     words += ["--sizes", "12,20", "--held-out", "0.34", "--trials", str(trials), "--epochs", "6"]
     whole, out = folder / "whole", folder / "out"
     subprocess.run([*words, "--out", str(whole)], check=True, capture_output=True, timeout=LIMIT_S)
-    rng, done, done_at, changed = np.random.default_rng(seed), {}, [], set()
-    latest_s = _EARLIEST_S + 6.0
+    rng, done, done_at, changed = np.random.default_rng(seed), dict[str, bytes](), list[int](), set[str]()
     for _ in range(kills):
         started = subprocess.Popen(
             [*words, "--out", str(out)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True
         )
-        try:
-            started.wait(rng.uniform(_EARLIEST_S, latest_s))
-        except subprocess.TimeoutExpired:
-            os.killpg(started.pid, signal.SIGKILL)
-            started.wait()
+        _kill(started, out, len(done) + int(rng.integers(_MOST_NEW)), then_s=rng.uniform(0, _LATEST_S))
         now = _metrics(out)
         changed |= {name for name, content in done.items() if now.get(name) != content}
         done = now
@@ -78,6 +78,20 @@ def kill_sweep(folder: Path, *, kills: int, seed: int, trials: int = 10) -> Kill
         differing=tuple(sorted(name for name in expected if _found(now.get(name)) != _found(expected[name]))),
         left=tuple(sorted(str(path.relative_to(out)) for path in out.rglob("*") if _is_leftover(path))),
     )
+
+
+def _kill(started: subprocess.Popen[bytes], out: Path, cells: int, *, then_s: float) -> None:
+    """Kill a sweep and its workers a moment after so many cells are done, or after it has begun; not once it ended."""
+    deadline = time.monotonic() + LIMIT_S
+    while started.poll() is None and not (out.is_dir() and len(_metrics(out)) >= cells):
+        if time.monotonic() > deadline:
+            raise TimeoutError(f"{cells} cells were not done in {LIMIT_S} s")
+        time.sleep(_POLL_S)
+    try:
+        started.wait(then_s)
+    except subprocess.TimeoutExpired:
+        os.killpg(started.pid, signal.SIGKILL)
+        started.wait()
 
 
 def _metrics(out: Path) -> dict[str, bytes]:

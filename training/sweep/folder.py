@@ -3,8 +3,8 @@
 ::
 
     plan.json
-    cells/<name>/           config.json, curve.csv, metrics.json (written last: a cell that has it is done),
-                            failure.json where it failed, checkpoint.ckpt while it is trained
+    cells/<name>/           config.json, curve.csv, predictions.csv, metrics.json (written last: a cell that has it
+                            is done), failure.json where it failed, checkpoint.ckpt while it is trained
     cells/<name>.lock       held by the process that has it trained
 
 Any number of processes can share a folder. A cell is taken by a lock that its process holds for as long as it lives.
@@ -23,11 +23,12 @@ from handsight.datasets.held import HeldFile, is_held, lock_of, remove_abandoned
 from handsight.training.errors import SweepFolderError
 from handsight.training.run_folder import CHECKPOINT
 from handsight.training.sweep.cell import Cell
-from handsight.training.sweep.result import CellResult, curve_csv
+from handsight.training.sweep.result import CellResult, curve_csv, predictions_csv
 
 CELLS = "cells"
 CONFIG = "config.json"
 CURVE = "curve.csv"
+PREDICTIONS = "predictions.csv"
 METRICS = "metrics.json"
 FAILURE = "failure.json"
 
@@ -86,8 +87,9 @@ class SweepFolder:
     def write_result(self, cell: Cell, result: CellResult) -> None:
         """Keep what a cell came to; from the moment its metrics are there, it is done."""
         folder = self.cell_folder(cell)
-        with atomic_file(folder / CURVE) as unfinished:
-            unfinished.write_text(curve_csv(result.curve), encoding="utf-8")
+        for name, text in ((CURVE, curve_csv(result.curve)), (PREDICTIONS, predictions_csv(result.predictions))):
+            with atomic_file(folder / name) as unfinished:
+                unfinished.write_text(text, encoding="utf-8")
         _write_json(folder / METRICS, {"cell": asdict(cell), "result": result.to_json()}, durable=True)
         (folder / FAILURE).unlink(missing_ok=True)
         self.checkpoint(cell).unlink(missing_ok=True)

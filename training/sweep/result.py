@@ -8,9 +8,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, Self
 
-import numpy as np
-from numpy.typing import NDArray
-
 from handsight.training.course import Epoch
 from handsight.training.metrics import Metrics
 
@@ -28,11 +25,24 @@ class ObjectScore:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Prediction:
+    """What a network said of an attempt that it never saw."""
+
+    attempt: str
+    group: str
+    """What was held out with it: its target, unless groups are by something else."""
+    success: bool
+    score: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class CellResult:
     """How good the network of a cell is on objects that it never saw."""
 
     tested: Metrics
     """On the balanced test set of the trial; with its accuracy and area under the curve."""
+    predictions: tuple[Prediction, ...]
+    """Of the test set, in its order."""
     objects: dict[str, ObjectScore]
     """By what groups are by: targets, unless told otherwise."""
     curve: tuple[Epoch, ...]
@@ -50,32 +60,39 @@ class CellResult:
     """Likewise, of the processor."""
 
     def to_json(self) -> dict[str, Any]:
-        """As JSON values, without the curve."""
+        """As JSON values, without the curve and the predictions."""
         values = asdict(self)
-        del values["curve"]
+        del values["curve"], values["predictions"]
         return values
 
     @classmethod
     def from_json(cls, values: Mapping[str, Any]) -> Self:
-        """From what :meth:`to_json` gave; the curve is a file of its own.
+        """From what :meth:`to_json` gave; the curve and the predictions are files of their own.
 
         Raises:
             KeyError, TypeError: A value is missing, or there is one that this handsight does not know.
         """
         objects = {name: ObjectScore(**one) for name, one in values["objects"].items()}
-        return cls(**{**values, "tested": Metrics(**values["tested"]), "objects": objects, "curve": ()})
+        return cls(
+            **{**values, "tested": Metrics(**values["tested"]), "objects": objects, "curve": (), "predictions": ()}
+        )
 
 
-def object_scores(
-    groups: Sequence[str], scores: NDArray[np.float32], labels: NDArray[np.float32]
-) -> dict[str, ObjectScore]:
+def object_scores(predictions: Sequence[Prediction]) -> dict[str, ObjectScore]:
     """How each object of a test set was judged, by name."""
-    correct = (scores > THRESHOLD) == (labels == 1)
-    names = np.asarray(groups, dtype=object)
-    return {
-        str(name): ObjectScore(attempts=int((names == name).sum()), correct=int(correct[names == name].sum()))
-        for name in sorted(set(groups))
-    }
+    judged: dict[str, list[bool]] = {}
+    for one in predictions:
+        judged.setdefault(one.group, []).append((one.score > THRESHOLD) == one.success)
+    return {name: ObjectScore(attempts=len(judged[name]), correct=sum(judged[name])) for name in sorted(judged)}
+
+
+def predictions_csv(predictions: Sequence[Prediction]) -> str:
+    """A line for each attempt of a test set."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(("attempt", "group", "success", "score"))
+    writer.writerows((one.attempt, one.group, int(one.success), one.score) for one in predictions)
+    return text.getvalue()
 
 
 def curve_csv(curve: Sequence[Epoch]) -> str:

@@ -24,7 +24,7 @@ from handsight.training.prediction import predict_with_flips
 from handsight.training.sweep.cell import Cell
 from handsight.training.sweep.divisions import Division, divide, group_names
 from handsight.training.sweep.plan import SweepDataset, SweepPlan
-from handsight.training.sweep.result import CellResult, object_scores
+from handsight.training.sweep.result import CellResult, Prediction, object_scores
 from handsight.training.trainer import train
 
 
@@ -91,9 +91,11 @@ def train_cell(context: SweepContext, task: CellTask, on_epoch: Callable[[Any], 
     trained = train(data, settings, rows=division.trained_on(cell.size), checkpoint=task.checkpoint, on_epoch=on_epoch)
     scores = predict_with_flips(trained.network, data.inputs, torch.from_numpy(division.test))
     labels = data.labels[division.test]
+    predictions = _predictions(data.attempts.iloc[division.test], scores, plan)
     return CellResult(
         tested=evaluate_scores(scores, labels),
-        objects=object_scores(_groups_of(data.attempts, division.test, plan), scores, labels),
+        predictions=predictions,
+        objects=object_scores(predictions),
         curve=trained.history,
         epochs=len(trained.history),
         kept_epoch=trained.kept.number,
@@ -123,5 +125,10 @@ def materialized(dataset: SweepDataset, plan: SweepPlan, on_attempt: Callable[[]
     return materialize(opened, viewpoint=dataset.viewpoint, grid=grid, on_attempt=on_attempt)
 
 
-def _groups_of(attempts: pd.DataFrame, rows: NDArray[np.int64], plan: SweepPlan) -> list[str]:
-    return [str(name) for name in attempt_groups(attempts.iloc[rows], plan.by)]
+def _predictions(rows: pd.DataFrame, scores: NDArray[np.float32], plan: SweepPlan) -> tuple[Prediction, ...]:
+    """What was said of each row of a test set."""
+    told = zip(rows.index, attempt_groups(rows, plan.by), rows["success"], scores, strict=True)
+    return tuple(
+        Prediction(attempt=attempt, group=str(group), success=bool(success), score=float(score))
+        for attempt, group, success, score in told
+    )

@@ -10,13 +10,14 @@ from handsight.training.course import Epoch
 from handsight.training.errors import SweepFolderError, TrainingDataError
 from handsight.training.metrics import Metrics
 from handsight.training.sweep.cell import Cell
-from handsight.training.sweep.folder import CURVE, FAILURE, METRICS, SweepFolder
-from handsight.training.sweep.result import CellResult, ObjectScore
+from handsight.training.sweep.folder import CURVE, FAILURE, METRICS, PREDICTIONS, SweepFolder
+from handsight.training.sweep.result import CellResult, ObjectScore, Prediction
 
 CELL = Cell(dataset=0, channels="rgb", size=5, trial=0, varied=(("mixup", "0"),))
 HELD_OUT = Metrics(attempts=9, accuracy=0.75, auc=0.9, loss=0.5)
 RESULT = CellResult(
     tested=HELD_OUT,
+    predictions=(Prediction(attempt="a-1", group="cup", success=True, score=0.75),),
     objects={"cup": ObjectScore(attempts=4, correct=3)},
     curve=(Epoch(number=1, train_loss=0.5, held_out=HELD_OUT), Epoch(number=2, train_loss=0.4, held_out=HELD_OUT)),
     epochs=2,
@@ -49,7 +50,9 @@ def test_a_cell_comes_from_left_by_running_to_done(tmp_path: Path) -> None:
         "1,0.5,0.5,0.9,0.75",
         "2,0.4,0.5,0.9,0.75",
     ]
-    assert sorted(path.name for path in folder.cell_folder(CELL).iterdir()) == [CURVE, METRICS]
+    assert sorted(path.name for path in folder.cell_folder(CELL).iterdir()) == [CURVE, METRICS, PREDICTIONS]
+    told = (folder.cell_folder(CELL) / PREDICTIONS).read_text()
+    assert told == "attempt,group,success,score\na-1,cup,1,0.75\n"
     assert not lock_of(folder.cell_folder(CELL)).exists()
 
 

@@ -14,6 +14,7 @@ def results(accuracies: dict[tuple[str, int | None, int], float]) -> dict[Cell, 
     return {
         Cell(dataset=0, channels=channels, size=size, trial=trial): CellResult(
             tested=Metrics(attempts=8, accuracy=accuracy, auc=accuracy, loss=0.5),
+            predictions=(),
             objects={
                 "cup": ObjectScore(attempts=4, correct=round(4 * accuracy)),
                 "egg": ObjectScore(attempts=2, correct=2),
