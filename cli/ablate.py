@@ -16,6 +16,7 @@ from handsight.cli.lazy import LazyCommand, LazyGroup, lazy_app
 from handsight.cli.opening import checked_address
 from handsight.cli.options import MOST_EPOCHS, Datasets, DryRun, Json, Seed, Workers
 from handsight.cli.output import bold, console, print_json
+from handsight.datasets.errors import counted
 from handsight.datasets.inputs.viewpoint import DEFAULT_VIEWPOINT
 
 if TYPE_CHECKING:
@@ -78,10 +79,9 @@ class AblateGroup(LazyGroup):
             "ablate:ablate_run",
             "Train the cells of a sweep; the word 'run' can be left out.",
             (
-                "handsight ablate grasps@v1 --out figure7",
-                "handsight ablate grasps@v1 --sizes 500,1000,2000 --trials 10 --out figure7 --dry-run",
-                "handsight ablate clean@v1 noisy@v1 --channels rgb,depth --out noise",
-                "handsight ablate grasps@v1 --channels rgbd --sizes 2000 --vary mixup=0,0.2 --out mixup",
+                "handsight ablate run grasps@v1 --sizes 500,1000,2000 --out figure7 --dry-run",
+                "handsight ablate run clean@v1 noisy@v1 --channels rgb,depth --out noise",
+                "handsight ablate run grasps@v1 --sizes 2000 --vary mixup=0,0.2 --out mixup",
             ),
             kept="cells that are done are kept; the same call goes on",
         ),
@@ -134,8 +134,8 @@ def ablate_run(
         list[str] | None,
         typer.Option(
             metavar="NAME=A,B",
-            help="Part of the recipe that is tried both ways: augmentation=on,off, balance, mixup, lr, weight-decay, "
-            "average, batch, epochs, least-epochs or patience; may be given several times.",
+            help="Part of the recipe that is tried several ways: augmentation=on,off, balance, mixup, lr, average, "
+            "batch, epochs or patience; may be given several times.",
         ),
     ] = None,
     epochs: Epochs = 40,
@@ -252,7 +252,7 @@ def end_sweep(found: dict[str, Any] | None, out: Path, *, as_json: bool, objects
             print_objects(found)
         states = found["states"]
         rest = "".join(f", {states[name]} {name}" for name in ("failed", "running", "left") if states[name])
-        console.print(bold(out), f": {states['done']} of {sum(states.values())} cells done{rest}")
+        console.print(bold(out), f": {states['done']} of {counted(sum(states.values()), 'cell')} done{rest}")
         if states["failed"]:
             console.print("to train failed cells again: the same call with --retry-failed or --restart-failed")
     if found["states"]["failed"]:
@@ -297,7 +297,9 @@ def ablate_status(folder: SweepFolderArgument, workers: Workers = 2, as_json: Js
             console.print(f"{cell.name} failed: {cells.failure(cell)}")
     if left:
         time_left = "unknown, no cell is done" if seconds is None else f"about {duration_text(seconds)}"
-        console.print(f"left to do: {len(left)} of {len(states)} cells, {time_left} on {workers} workers")
+        console.print(
+            f"left to do: {len(left)} of {counted(len(states), 'cell')}, {time_left} on {counted(workers, 'worker')}"
+        )
 
 
 def ablate_plot(folder: SweepFolderArgument, as_json: Json = False) -> None:

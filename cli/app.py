@@ -33,8 +33,7 @@ NOUNS = (
         (
             "handsight train grasps@v1 --out runs/rgbd",
             "handsight train grasps@v1 on-policy --out runs/mixed --viewpoint both",
-            "handsight train grasps --out runs/depth --channels depth",
-            "handsight train grasps --out runs/fold0 --folds by-object:0 --size 2000",
+            "handsight train grasps --out runs/fold0 --folds by-object:0 --size 2000 --channels depth",
         ),
         kept="every finished pass is kept; the same call with --resume goes on",
     ),

@@ -57,7 +57,7 @@ def train_command(
         str,
         typer.Option(
             metavar="NAME:FOLD",
-            help="Stored folds, and the one of them that is left out; see 'handsight dataset folds'.",
+            help="Stored folds, and the one of them that is left out; see 'handsight dataset folds --help'.",
         ),
     ] = "",
     size: Annotated[

@@ -186,11 +186,12 @@ def print_estimate(plan: SweepPlan, left: Estimate, workers: int) -> None:
     """What is left to do, and how long it takes."""
     sizes = ", ".join(size_text(size) for size in plan.sizes)
     varied = "".join(f", {name} {' and '.join(values)}" for name, values in plan.varied.items())
-    console.print(f"{', '.join(plan.channels)}; {sizes} attempts{varied}; {counted(plan.trials, 'trial')}")
+    console.print(f"{', '.join(plan.channels)}; training sets of {sizes}{varied}; {counted(plan.trials, 'trial')}")
+    passes = f"{counted(round(left.passes), 'pass', 'passes')} a cell"
     console.print(
-        f"{counted(left.cells, 'cell')} left, {left.samples / 1e6:.1f} million samples at "
-        f"{left.samples_per_s:,.0f} a second and worker, {left.passes:.0f} passes a cell: about "
-        f"{duration_text(left.seconds)} on {counted(workers, 'worker')}"
+        f"{counted(left.cells, 'cell')} left: {left.samples / 1e6:.1f} M samples in {passes}, "
+        f"{left.samples_per_s:,.0f}/s with a worker: about {duration_text(left.seconds)} on "
+        f"{counted(workers, 'worker')}"
     )
 
 

@@ -20,10 +20,10 @@ from handsight.datasets.curation.saved_filters import save_filter
 
 READS = "clearance|dataset decisions|dataset diff|dataset doctor|dataset info|dataset log|dataset verify|objects ls"
 DRAWS = "collect picture|dataset ls|dataset show|dataset stats|dataset suspect|heatmap|prediction|servo"
-ADDS = "collect sim|dataset export|dataset init|dataset materialize|dataset release|evaluate"
+ADDS = "ablate plot|collect sim|dataset export|dataset init|dataset materialize|dataset release|evaluate"
 UNTRIED = {
     **dict.fromkeys(READS.split("|"), "changes nothing"),
-    **dict.fromkeys(("runs compare", "runs ls", "runs show"), "changes nothing"),
+    **dict.fromkeys(("ablate status", "runs compare", "runs ls", "runs show"), "changes nothing"),
     **dict.fromkeys(DRAWS.split("|"), "changes nothing but a picture or recording, which the same call makes again"),
     **dict.fromkeys(ADDS.split("|"), "adds something where nothing was, or behind what is there"),
     "demo": "goes on in a folder of its own, and begins nothing anew that is there",
@@ -74,10 +74,27 @@ CALLS = (
     "runs show {run}",
     "train {data} --out {new} --epochs 1",
 )
-LONG = {"clearance", "collect sim", "dataset suspect", "demo", "evaluate", "heatmap", "prediction", "servo"}
-"""Of which test_command_line.py, test_clearance.py, test_prediction.py and dataset/test_suspect.py read the JSON."""
+LONG = {
+    "ablate plot",
+    "ablate run",
+    "ablate status",
+    "clearance",
+    "crossval",
+    "collect sim",
+    "dataset suspect",
+    "demo",
+    "evaluate",
+    "heatmap",
+    "prediction",
+    "servo",
+}
+"""Their JSON is read by tests of their own."""
 
 REFUSED = (
+    "ablate run {nowhere} --out {new}",
+    "ablate status {nowhere}",
+    "ablate plot {nowhere}",
+    "crossval {nowhere} --out {new}",
     "clearance --model {nowhere}",
     "collect picture --out {nowhere}/x.png",
     "collect sim {nowhere}@v1 -n 1",

@@ -106,7 +106,7 @@ def division_faults(
         pool = labels[division.pool]
         for size in sizes:
             if size is not None and size > len(pool):
-                faults.append(f"trial {trial}: size is {size}, expected at most the {len(pool)} attempts not held out")
+                faults.append(f"trial {trial}: size is {size}, expected at most {len(pool)}, which are not held out")
             elif not 0 < (found := int(pool[:size].sum())) < len(pool[:size]):
                 faults.append(
                     f"trial {trial}: {found} of the first {counted(len(pool[:size]), 'attempt')} are successes, "

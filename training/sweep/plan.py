@@ -17,6 +17,7 @@ import numpy as np
 from handsight import __version__
 from handsight.datasets.atomic import atomic_file
 from handsight.datasets.curation.folds import Grouping
+from handsight.datasets.errors import counted
 from handsight.datasets.format.schema import Viewpoint
 from handsight.datasets.inputs.augmentation import Jitter
 from handsight.training.errors import SweepFolderError, SweepPlanError
@@ -68,7 +69,7 @@ class SweepPlan:
     def __post_init__(self) -> None:
         faults = axis_faults(self.channels, self.sizes, self.varied, self.recipe)
         if not 1 <= self.trials <= MOST_TRIALS:
-            faults.append(f"there are {self.trials} trials, expected 1 to {MOST_TRIALS}")
+            faults.append(f"{counted(self.trials, 'trial')} asked for, expected 1 to {MOST_TRIALS}")
         if not 0 < self.held_out < 1:
             faults.append(f"the share held out is {self.held_out}, expected above 0 and below 1")
         if self.by not in get_args(Grouping):

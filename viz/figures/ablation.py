@@ -110,4 +110,4 @@ def _draw_objects(axes: Axes, rows: Sequence[ObjectRow], names: Sequence[str], s
     axes.tick_params(axis="y", length=0)
     axes.grid(axis="y", color=INK, alpha=0.08)
     size = "all" if not rows or rows[0].size is None else f"{rows[0].size:,}"
-    dress(axes, "Objects never seen", f"share judged rightly, trained on {size} attempts", grid="x")
+    dress(axes, "Objects never seen", f"share judged rightly, training sets of {size}", grid="x")

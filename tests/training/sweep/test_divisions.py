@@ -93,7 +93,7 @@ def test_everything_that_a_trial_lacks_is_named() -> None:
         "trial 0: the 1 group held out",
         "trial 1: the 1 group held out",
         "lack successes or failures",
-        "size is 9, expected at most the 2 attempts not held out",
+        "size is 9, expected at most 2, which are not held out",
         "of the first 2 attempts are successes, expected some of both",
     ):
         assert expected in message
