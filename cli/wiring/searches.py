@@ -9,7 +9,7 @@ from typing import Any
 from handsight.cli.opening import open_version
 from handsight.cli.output import bold, console, progress_bar
 from handsight.cli.tables import Column, print_table
-from handsight.cli.wiring.sweeps import duration_text, opened, size_text
+from handsight.cli.wiring.sweeps import duration_text, opened
 from handsight.datasets.errors import counted
 from handsight.training.intervals import MeanOverTrials
 from handsight.training.search.plan import SPACE, SearchPlan, settle_search
@@ -121,14 +121,13 @@ def print_found(rows: Sequence[ProposalRow], out: Path) -> None:
 
 def print_estimate(plan: SearchPlan, left: Estimate, workers: int) -> None:
     """What is left to do, and how long it takes."""
-    sweep = plan.sweep
+    sweep, size = plan.sweep, plan.sweep.sizes[0]
+    learnt = "all attempts" if size is None else counted(size, "attempt")
+    console.print(f"{sweep.channels[0]}, {learnt}, {counted(sweep.trials, 'trial')} for each proposal")
+    console.print(f"looked for: {', '.join(SPACE)}")
     console.print(
-        f"{sweep.channels[0]}, {size_text(sweep.sizes[0])} attempts, {counted(sweep.trials, 'trial')} for each "
-        f"proposal; looked for: {', '.join(SPACE)}"
-    )
-    console.print(
-        f"{counted(left.cells, 'training')} left if no proposal is given up, {left.samples / 1e6:.1f} million samples "
-        f"at {left.samples_per_s:,.0f} a second and worker: about {duration_text(left.seconds)} on "
+        f"{counted(left.cells, 'training')} left if no proposal is given up, {left.samples / 1e6:.1f} M samples "
+        f"at {left.samples_per_s:,.0f}/s with a worker: about {duration_text(left.seconds)} on "
         f"{counted(workers, 'worker')}"
     )
 
