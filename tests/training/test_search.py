@@ -184,8 +184,13 @@ def test_a_search_finds_what_is_better(plan: SearchPlan, judge: Callable[[Judge]
 def test_what_is_hopeless_is_given_up_and_the_usual_recipe_never(
     plan: SearchPlan, judge: Callable[[Judge], None], tmp_path: Path
 ) -> None:
-    """The usual recipe is the worst of all here, and has to be compared with nonetheless."""
+    """It is the worst of all here and judged after the others, and has to be compared with nonetheless."""
     judge(lambda rate, trial: 9.0 if rate == USUAL.learning_rate else by_rate(rate, trial))
+    settle_search(tmp_path, plan)
+    first = SearchStudy(tmp_path, plan).claim(1)
+    assert first is not None
+    searched(plan, tmp_path, proposals=16)
+    first[1].release()
     rows = {row.number: row for row in searched(plan, tmp_path, proposals=16)}
     assert (rows[0].state, rows[0].trials) == ("done", TRIALS)
     pruned = [row for row in rows.values() if row.state == "pruned"]
