@@ -8,6 +8,8 @@ network that has to say so is far less sure of itself where it should not be
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
 
@@ -21,11 +23,11 @@ _FLIPPED_AXES = ((), (3,), (2,), (2, 3))
 FLIPS = len(_FLIPPED_AXES)
 """As recorded, left-right, top-bottom, both."""
 
-_SHARING_NOISE = 4
-"""So many inputs of a batch have the same noise added."""
+_AT_A_TIME = 8
+"""Inputs that are varied together."""
 _NOISE_OFFSETS = 100_003
-"""Noise is drawn once, and each batch reads it from one of so many places on: drawing it anew would take longer than
-all else that is done here."""
+"""Noise is drawn once, and inputs read it from one of so many places on: drawing it anew would take longer than all
+else that is done here."""
 
 
 def flipped(inputs: Tensor, which: Tensor) -> Tensor:
@@ -63,44 +65,24 @@ class Jitter:
         factor[:, :3] += self.brightness * (2 * torch.rand(batch, 1, generator=generator) - 1)
         # A whole row of a picture at a time: over four channels alone, loops would be too short to be fast.
         factor = factor.repeat(1, size)[:, None]  # (B, 1, size * 4)
-        varied = self._moved(inputs, generator).view(batch, size, size * channels)
-        if self.colour_noise or self.height_noise_m:
-            noise = self._noise(-(-batch // _SHARING_NOISE), size, generator)
-            for part, factors in zip(varied.split(len(noise)), factor.split(len(noise)), strict=True):
-                torch.addcmul(noise[: len(part)], part, factors, out=part)
-        else:
-            varied.mul_(factor)
+        maps = self._maps(batch, size, generator) if self.flips or self.turn_rad or self.shift else None
+        noise = (
+            _drawn(size, self.colour_noise, self.height_noise_m) if self.colour_noise or self.height_noise_m else None
+        )
+        offsets = torch.randint(_NOISE_OFFSETS, (batch,), generator=generator).tolist()
+        varied = torch.empty(batch, size, size * channels)
+        # A few pictures at a time, so that what is read next is still in the processor's cache.
+        with _one_thread():
+            for first in range(0, batch, _AT_A_TIME):
+                part = slice(first, first + _AT_A_TIME)
+                goal = varied[part]
+                _move(inputs[part], goal, None if maps is None else maps[part])
+                if noise is None:
+                    goal.mul_(factor[part])
+                else:
+                    window = noise[4 * offsets[first] :][: goal.numel()].view(goal.shape)
+                    torch.addcmul(window, goal, factor[part], out=goal)
         return varied.view(batch, size, size, channels).permute(0, 3, 1, 2)
-
-    def _moved(self, inputs: Tensor, generator: torch.Generator) -> Tensor:
-        """Each input flipped, turned and shifted in one resampling; edges are replicated.
-
-        (B, 4, size, size) -> (B, size, size, 4), which is how OpenCV has pictures.
-        """
-        batch, _, size, _ = inputs.shape
-        pictures = inputs.permute(0, 2, 3, 1).contiguous().float()
-        if not (self.flips or self.turn_rad or self.shift):
-            return pictures.clone() if pictures.data_ptr() == inputs.data_ptr() else pictures
-        moved = torch.empty_like(pictures)
-        for source, goal, matrix in zip(
-            pictures.numpy(), moved.numpy(), self._maps(batch, size, generator), strict=True
-        ):
-            cv2.warpAffine(
-                source,
-                matrix,
-                (size, size),
-                dst=goal,
-                flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
-                borderMode=cv2.BORDER_REPLICATE,
-            )
-        return moved
-
-    def _noise(self, inputs: int, size: int, generator: torch.Generator) -> Tensor:
-        """Noise for some inputs. Shape (inputs, size, size * 4)."""
-        offset = 4 * int(torch.randint(_NOISE_OFFSETS, (), generator=generator))
-        sigma = self.colour_noise, self.colour_noise, self.colour_noise, self.height_noise_m
-        drawn = _drawn(inputs * size**2, sigma)
-        return drawn[offset : offset + inputs * size**2 * 4].view(inputs, size, size * 4)
 
     def _maps(self, batch: int, size: int, generator: torch.Generator) -> NDArray[np.float64]:
         """Where each pixel [px] of each varied input is read from. Shape (B, 2, 3)."""
@@ -117,8 +99,36 @@ class Jitter:
         return torch.cat([turns, offsets_px[..., None]], -1).double().numpy()
 
 
+def _move(inputs: Tensor, goal: Tensor, maps: NDArray[np.float64] | None) -> None:
+    """Resample some inputs, or copy them where there are no maps; edges are replicated.
+
+    (B, 4, size, size) -> (B, size, size * 4), which is how OpenCV has pictures.
+    """
+    batch, channels, size, _ = inputs.shape
+    pictures = inputs.permute(0, 2, 3, 1)  # (B, size, size, 4)
+    if maps is None:
+        goal.view(batch, size, size, channels).copy_(pictures)
+        return
+    flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    sources, goals = pictures.contiguous().float().numpy(), goal.view(batch, size, size, channels).numpy()
+    for source, moved, matrix in zip(sources, goals, maps, strict=True):
+        cv2.warpAffine(source, matrix, (size, size), moved, flags, cv2.BORDER_REPLICATE)
+
+
+@contextmanager
+def _one_thread() -> Iterator[None]:
+    """OpenCV would share every one of these small pictures among its threads, which takes longer than the picture."""
+    threads = cv2.getNumThreads()
+    cv2.setNumThreads(1)
+    try:
+        yield
+    finally:
+        cv2.setNumThreads(threads)
+
+
 @cache
-def _drawn(pixels: int, sigma: tuple[float, float, float, float]) -> Tensor:
-    """Noise of some strength in each channel, which is drawn once. Shape (4 * (pixels + offsets),)."""
-    drawn = torch.randn(pixels + _NOISE_OFFSETS, 4, generator=torch.Generator().manual_seed(0))
-    return (drawn * torch.tensor(sigma)).ravel()
+def _drawn(size: int, colour_noise: float, height_noise_m: float) -> Tensor:
+    """Noise for a few inputs of some size, from any of the offsets on. Shape (4 * pixels,)."""
+    pixels = _AT_A_TIME * size**2 + _NOISE_OFFSETS
+    drawn = torch.randn(pixels, 4, generator=torch.Generator().manual_seed(0))
+    return (drawn * torch.tensor([*3 * [colour_noise], height_noise_m])).ravel()

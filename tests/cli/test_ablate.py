@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from tests.support.sweep_kills import kill_sweep
 from tests.support.swept import make_swept
 
 from handsight.cli.ablate import sizes_of, varied_of
@@ -164,3 +165,9 @@ def test_what_options_say_is_read_as_it_is_meant() -> None:
     assert varied_of(["mixup=0,0.2", "lr=1e-3"]) == {"mixup": ["0", "0.2"], "lr": ["1e-3"]}
     with pytest.raises(CommandError, match="every name once"):
         varied_of(["lr=1", "lr=2"])
+
+
+def test_a_sweep_that_is_killed_again_and_again_ends_as_one_that_was_left_alone(tmp_path: Path) -> None:
+    """``python -P tests/support/sweep_kills.py`` kills more often."""
+    seen = kill_sweep(tmp_path, kills=3, seed=1, trials=3)
+    assert seen.changed == seen.differing == seen.left == ()
