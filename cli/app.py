@@ -50,6 +50,16 @@ NOUNS = (
         kept="trials that are done are kept; the same call goes on",
     ),
     LazyCommand(
+        "tune",
+        "tune:tune_command",
+        "Look for a better recipe.",
+        (
+            "handsight tune grasps@v1 --out tune",
+            "handsight tune grasps@v1 --proposals 60 --trials 5 --size 5000 --out tune",
+        ),
+        kept="trials that are done are kept; the same call goes on",
+    ),
+    LazyCommand(
         "evaluate",
         "evaluate:evaluate_command",
         "Compare servo methods on the same trials.",

@@ -87,6 +87,7 @@ LONG = {
     "heatmap",
     "prediction",
     "servo",
+    "tune",
 }
 """Their JSON is read by tests of their own."""
 
@@ -138,6 +139,7 @@ REFUSED = (
     "runs show {nowhere}",
     "servo --model {nowhere}",
     "train {data} --out {file}",
+    "tune {nowhere} --out {new}",
 )
 
 

@@ -47,6 +47,7 @@ NOTHING = {
     "prediction": "--model {nowhere}",
     "servo": "--model {nowhere}",
     "train": "{nowhere} --out {nowhere}",
+    "tune": "{nowhere} --out {nowhere}",
 }
 """What else has to be said, so that a sound number is refused as well; ``{nowhere}`` for any other command."""
 
@@ -100,6 +101,10 @@ SENSELESS = {
     "objects import {meshes} --name kitchen --density": ("nan", "inf", "-inf", "-1", "0", *LARGEST),
     "train {data} --out {nowhere} --epochs": ("-1", "0", *LARGEST),
     "train {data} --out {nowhere} --batch": ("-1", "0", "1", *LARGEST),
+    "tune {data} --out {nowhere} --proposals": ("-1", "0", "10001", *LARGEST),
+    "tune {data} --out {nowhere} --trials": ("-1", "0", "1001", *LARGEST),
+    "tune {data} --out {nowhere} --size": ("-1", "0", "1", "20,30", *LARGEST),
+    "tune {data} --out {nowhere} --held-out": ("-1", "0", "1", "nan", *LARGEST),
     "collect sim {nowhere} --attempts": ("-1", "0", *LARGEST),
     "collect sim {nowhere} --workers": ("-1", "0", "1025", *LARGEST),
     "collect sim {nowhere} --objects-per-scene": ("-1", "0", "999", *LARGEST),

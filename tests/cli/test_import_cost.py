@@ -12,7 +12,20 @@ from tests.support.runs import save_untrained
 
 from handsight.datasets import GraspRepository
 
-HEAVY = ("torch", "icechunk", "zarr", "pandas", "rerun", "matplotlib", "cv2", "pybullet", "ray", "numpy", "rich")
+HEAVY = (
+    "torch",
+    "icechunk",
+    "zarr",
+    "pandas",
+    "rerun",
+    "matplotlib",
+    "cv2",
+    "pybullet",
+    "ray",
+    "numpy",
+    "rich",
+    "optuna",
+)
 
 PROGRAM = """
 import sys
@@ -74,6 +87,7 @@ REFUSED = {
     "an address that is none": ("dataset info {no}@", "ends in '@'"),
     "train": ("train {no} --out {folder}/run", "there is no dataset"),
     "train into a full folder": ("train {grasps} --out {grasps}", "holds other files"),
+    "tune": ("tune {no} --out {folder}/tune", "there is no dataset"),
     "runs ls": ("runs ls {no}", "there is no folder"),
     "runs show": ("runs show {no}", "is no folder"),
     "runs compare": ("runs compare {no} {no}", "is no folder"),
@@ -120,7 +134,8 @@ def test_what_only_the_simulator_can_refuse_needs_no_dataset(words: str, said: s
 
 
 @pytest.mark.parametrize(
-    "words", ["--help", "dataset --help", "dataset ls --help", "train --help", "runs -h", "collect sim -h"]
+    "words",
+    ["--help", "dataset --help", "dataset ls --help", "train --help", "tune --help", "runs -h", "collect sim -h"],
 )
 def test_help_imports_next_to_nothing(words: str, smallest: int) -> None:
     status, modules, _ = loaded(PROGRAM, *words.split())

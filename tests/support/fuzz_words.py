@@ -51,7 +51,20 @@ def ref_words(_: Path, rng: np.random.Generator) -> list[str]:
     return ["dataset", "show", "{dataset}", ref]
 
 
-SLOW = ("view", "heatmap", "servo", "demo", "train", "evaluate", "collect", "review", "report", "crossval", "ablate")
+SLOW = (
+    "view",
+    "heatmap",
+    "servo",
+    "demo",
+    "train",
+    "evaluate",
+    "collect",
+    "review",
+    "report",
+    "crossval",
+    "ablate",
+    "tune",
+)
 """What would work for long, or open a window: of these the words are parsed, and nothing is carried out."""
 
 

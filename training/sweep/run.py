@@ -77,8 +77,8 @@ def run_sweep(
     )
     try:
         for task, outcome in outcomes:
-            with _naming(task.cell):
-                result = _kept(folder, task.cell, outcome)
+            with naming(task.cell):
+                result = kept_result(folder, task.cell, outcome)
             trained += result is not None
             held.pop(task.cell).release()
             if on_cell is not None:
@@ -113,7 +113,7 @@ def chosen_by(texts: Collection[str], plan: SweepPlan) -> Callable[[Cell], bool]
     return lambda cell: not wanted or any(matches(cell, parts) for parts in wanted)
 
 
-def _kept(folder: SweepFolder, cell: Cell, outcome: Future[CellResult]) -> CellResult | None:
+def kept_result(folder: SweepFolder, cell: Cell, outcome: Future[CellResult]) -> CellResult | None:
     """Write what became of a cell; None where it failed.
 
     Raises:
@@ -130,7 +130,7 @@ def _kept(folder: SweepFolder, cell: Cell, outcome: Future[CellResult]) -> CellR
 
 
 @contextmanager
-def _naming(cell: Cell) -> Iterator[None]:
+def naming(cell: Cell) -> Iterator[None]:
     """Say in errors of the operating system which cell it was that could not be kept."""
     try:
         yield
