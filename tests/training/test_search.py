@@ -61,6 +61,7 @@ def judge(monkeypatch: pytest.MonkeyPatch) -> Callable[[Judge], None]:
             loss = formula(settings.learning_rate, task.cell.trial)
             return CellResult(
                 tested=Metrics(attempts=8, accuracy=0.75, auc=0.8, loss=loss),
+                predictions=(),
                 objects={},
                 curve=(),
                 epochs=2,
