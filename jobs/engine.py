@@ -6,7 +6,7 @@ from concurrent.futures import Executor
 from dataclasses import dataclass
 from typing import Protocol
 
-from handsight.jobs.processes import process_pool
+from handsight.jobs.processes import kill_processes, process_pool
 
 
 class Engine(Protocol):
@@ -19,6 +19,9 @@ class Engine(Protocol):
         :class:`~concurrent.futures.BrokenExecutor`; so does submitting to it afterwards.
         """
 
+    def kill_worker(self, worker: Executor) -> None:
+        """End a worker at once, in the middle of a call; it is shut down afterwards as any other."""
+
 
 @dataclass(frozen=True, slots=True)
 class LocalEngine:
@@ -27,6 +30,10 @@ class LocalEngine:
     def start_worker(self) -> Executor:
         """Start a process; it ends with this one, even when this one is killed."""
         return process_pool(1)
+
+    def kill_worker(self, worker: Executor) -> None:
+        """Kill its process."""
+        kill_processes(worker)
 
 
 LOCAL = LocalEngine()

@@ -144,6 +144,12 @@ class Pool(Generic[Task, Answer]):
             else:
                 self._wait()
 
+    def kill(self) -> None:
+        """End all workers in the middle of their calls."""
+        for slot in self._slots:
+            self._engine.kill_worker(slot.worker)
+        self.shutdown()
+
     def shutdown(self) -> None:
         """End all workers at a time. Calls that have begun are waited for."""
         # In threads: a pool that was told to end without being waited for cannot be waited for afterwards, and one

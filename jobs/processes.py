@@ -8,7 +8,7 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import Executor, ProcessPoolExecutor
 from multiprocessing.context import SpawnContext, SpawnProcess
 from typing import Any
 
@@ -42,6 +42,13 @@ def process_pool(workers: int, prepare: Callable[..., object] | None = None, *ar
     it is killed.
     """
     return ProcessPoolExecutor(workers, _QuietContext(), initializer=_settle_in, initargs=(prepare, arguments))
+
+
+def kill_processes(pool: Executor) -> None:
+    """Kill the processes of a pool that :func:`process_pool` made; calls without an answer are broken then."""
+    # ``ProcessPoolExecutor.kill_workers`` comes with Python 3.14.
+    for process in list((getattr(pool, "_processes", None) or {}).values()):
+        process.kill()
 
 
 class _QuietProcess(SpawnProcess):

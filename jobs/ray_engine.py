@@ -71,6 +71,11 @@ class RayEngine:
         remote = self.ray.remote(_Actor).options(num_cpus=1, max_restarts=0, scheduling_strategy="SPREAD")
         return _RayWorker(self.ray, remote.remote())
 
+    def kill_worker(self, worker: Executor) -> None:
+        """Kill the actor."""
+        assert isinstance(worker, _RayWorker)
+        worker.kill()
+
 
 class _Actor:
     """A process of the cluster that answers calls."""
@@ -100,6 +105,10 @@ class _RayWorker(Executor):
         reference.future().add_done_callback(partial(_pass_on, self._ray.exceptions, answered))
         self._first = self._first or answered
         return answered
+
+    def kill(self) -> None:
+        """End the actor in the middle of a call."""
+        self._ray.kill(self._actor)
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """End the actor behind the calls that it has, so that it closes its context; with ``wait``, see it gone."""

@@ -25,7 +25,8 @@ def map_unordered(
     """Every task with what became of ``work(context, task)``, in the order in which workers finish.
 
     One task that fails stops no other: what ``work`` raised is in its future, as is a :class:`~.errors.WorkerDiedError`
-    where three workers in a row ended over it. For the arguments see :func:`~.ordered.map_ordered`.
+    where three workers in a row ended over it. When the iterator is closed, workers are killed in the middle of their
+    tasks. For the arguments see :func:`~.ordered.map_ordered`.
 
     Raises:
         WorkerDiedError: Three workers in a row ended while opening their contexts.
@@ -34,5 +35,8 @@ def map_unordered(
     pool: Pool[Task, Answer] = Pool(engine, worker_init, work, workers=workers, noun=noun, ahead=1, calls=1)
     try:
         yield from pool.as_completed(tasks)
-    finally:
-        pool.shutdown()
+    except BaseException:
+        # Closed early, or interrupted: a long task would be waited for, and nobody wants its answer.
+        pool.kill()
+        raise
+    pool.shutdown()

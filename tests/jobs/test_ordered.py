@@ -49,6 +49,9 @@ class FatalTasks:
         self.started += 1
         return MortalWorker(self)
 
+    def kill_worker(self, worker: Executor) -> None:
+        """Workers of this engine die over their tasks alone."""
+
 
 class MortalWorker(ThreadPoolExecutor):
     """Computes in a thread. Once dead, no call gets an answer; one that comes later is refused at once."""
