@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+import atexit
 import multiprocessing
 import os
 import signal
 import sys
 import threading
+import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor
+from multiprocessing.connection import wait
 from multiprocessing.context import SpawnContext, SpawnProcess
-from typing import Any
+from types import FrameType
+from typing import Any, NoReturn
+
+_GRACE_S = 2.0
+"""So long a process that is asked to end may take."""
 
 # The kernel is asked, as such a program asks nobody: it sends the signal when the parent is gone, unless that was
 # before it was asked.
@@ -45,10 +52,18 @@ def process_pool(workers: int, prepare: Callable[..., object] | None = None, *ar
 
 
 def kill_processes(pool: Executor) -> None:
-    """Kill the processes of a pool that :func:`process_pool` made; calls without an answer are broken then."""
-    # ``ProcessPoolExecutor.kill_workers`` comes with Python 3.14.
-    for process in list((getattr(pool, "_processes", None) or {}).values()):
-        process.kill()
+    """End the processes of a pool that :func:`process_pool` made; calls without an answer are broken then.
+
+    They are asked to first, so that they put away what they have registered with the system.
+    """
+    # ``ProcessPoolExecutor.terminate_workers`` comes with Python 3.14.
+    processes = list((getattr(pool, "_processes", None) or {}).values())
+    for process in processes:
+        process.terminate()
+    deadline = time.monotonic() + _GRACE_S
+    for process in processes:
+        if not wait([process.sentinel], timeout=max(0.0, deadline - time.monotonic())):
+            process.kill()
 
 
 class _QuietProcess(SpawnProcess):
@@ -72,9 +87,16 @@ class _QuietContext(SpawnContext):
 def _settle_in(prepare: Callable[..., object] | None, arguments: tuple[Any, ...]) -> None:
     # Ctrl-C reaches the whole process group; the parent alone decides how to stop.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, _leave_at_once)
     _leave_with_the_parent()
     if prepare is not None:
         prepare(*arguments)
+
+
+def _leave_at_once(number: int, frame: FrameType | None) -> NoReturn:
+    """End in the middle of a call. As an exception the end would be the answer of the call."""
+    atexit._run_exitfuncs()
+    os._exit(128 + number)
 
 
 def _leave_with_the_parent() -> None:
