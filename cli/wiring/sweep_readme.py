@@ -32,7 +32,7 @@ def readme(
         "Training sets are the first attempts of a random order of all others, the same for every series, so that a "
         "larger one holds the smaller ones. Accuracy is that at a predicted success above 0.5.",
         "Intervals are 95 % of the mean over trials by Student's t, with the variance corrected for training sets that "
-        "overlap (Nadeau and Bengio 2003): they are about three times as wide as if trials were independent.",
+        "overlap (Nadeau and Bengio 2003): of thirty trials, three times as wide as if they were independent.",
         _table(
             ("series", "attempts", "trials", "balanced accuracy", "AUC"),
             [
