@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 import typer
 
 from handsight.cli.completion import words
 from handsight.cli.errors import CommandError
 from handsight.cli.lazy import LazyCommand, LazyGroup, lazy_app
-from handsight.cli.opening import checked_address
-from handsight.cli.options import MOST_EPOCHS, Datasets, DryRun, Json, Seed, Workers
+from handsight.cli.opening import check_named_once, checked_address
+from handsight.cli.options import MOST_EPOCHS, Datasets, DryRun, EngineName, Json, RayAddress, Seed, Workers
 from handsight.cli.output import bold, console, print_json
+from handsight.cli.wiring.engines import check_engine, engine_named
 from handsight.datasets.errors import counted
 from handsight.datasets.inputs.viewpoint import DEFAULT_VIEWPOINT
-
-if TYPE_CHECKING:
-    from handsight.jobs.engine import Engine
 
 FAILED = 1
 """Exit status where cells failed."""
@@ -46,18 +43,6 @@ Balance = Annotated[
     typer.Option(
         "--balance/--no-balance",
         help="Weigh successes and failures alike in training, as balanced test sets do; without, scores are chances.",
-    ),
-]
-SweepEngine = Annotated[
-    Literal["local", "ray"],
-    typer.Option("--engine", help="Where the workers run: on this machine, or on a Ray cluster."),
-]
-RayAddress = Annotated[
-    str | None,
-    typer.Option(
-        "--ray-address",
-        metavar="HOST:PORT",
-        help="Head of the Ray cluster; unless given $RAY_ADDRESS, or else a cluster of this machine alone.",
     ),
 ]
 RetryFailed = Annotated[
@@ -154,7 +139,7 @@ def ablate_run(
     restart_failed: RestartFailed = False,
     allow: Allow = None,
     workers: Workers = 2,
-    engine: SweepEngine = "local",
+    engine: EngineName = "local",
     ray_address: RayAddress = None,
     dry_run: DryRun = False,
     as_json: Json = False,
@@ -211,9 +196,7 @@ def sweep(
 ) -> dict[str, Any] | None:
     """Plan and train a sweep; returns what it found, or None of a dry run, which says what it would do."""
     check_engine(engine, ray_address)
-    twice = sorted({name for name in datasets if datasets.count(name) > 1})
-    if twice:
-        raise CommandError(f"{', '.join(twice)} is named more than once, expected every version once")
+    check_named_once(datasets)
     for dataset in datasets:
         checked_address(dataset)
     from handsight.cli.wiring.sweeps import estimated, planned, print_estimate, run, write_tables
@@ -221,7 +204,7 @@ def sweep(
     from handsight.training.sweep.folder import SweepFolder
     from handsight.training.sweep.run import chosen_by
 
-    plan = planned(datasets, out, allowed=allow, dry_run=dry_run, recipe=TrainSettings(**recipe), **axes)
+    plan = planned(datasets, out, only=only, allowed=allow, dry_run=dry_run, recipe=TrainSettings(**recipe), **axes)
     if dry_run:
         left = estimated(plan, SweepFolder(out), chosen_by(only, plan), workers)
         if as_json:
@@ -349,23 +332,6 @@ def varied_of(texts: list[str]) -> dict[str, list[str]]:
             raise CommandError(f"--vary is {text!r}, expected NAME=A,B with every name once")
         varied[name] = _split(values)
     return varied
-
-
-def check_engine(name: str, ray_address: str | None) -> None:
-    """Refuse the address of a cluster that is not used."""
-    if name != "ray" and ray_address is not None:
-        raise CommandError(f"--ray-address {ray_address} goes with --engine ray, and the engine is {name}")
-
-
-def engine_named(name: str, ray_address: str | None, workers: int) -> AbstractContextManager[Engine]:
-    """The engine, reached before anything is trained."""
-    if name == "ray":
-        from handsight.jobs.ray_engine import ray_engine  # only where there is a cluster
-
-        return ray_engine(ray_address, workers=workers)
-    from handsight.jobs.engine import LOCAL
-
-    return nullcontext(LOCAL)
 
 
 def _split(text: str) -> list[str]:

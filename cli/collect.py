@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import sys
-from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
 from handsight.cli.completion import words
-from handsight.cli.errors import CommandError
 from handsight.cli.interrupts import INTERRUPTED
 from handsight.cli.lazy import LazyCommand, LazyGroup, lazy_app
 from handsight.cli.opening import check_out_file, check_target
@@ -23,15 +21,18 @@ from handsight.cli.options import (
     TRAINING_OBJECTS,
     VARIED_KINDS,
     DatasetPath,
+    EngineName,
     Gripper,
     Json,
     Objects,
     PerScene,
+    RayAddress,
     Renderer,
     Seed,
     Workers,
 )
 from handsight.cli.output import bold, console, print_json, progress_bar
+from handsight.cli.wiring.engines import check_engine, engine_named
 from handsight.cli.wiring.policies import DEFAULT_RANDOM_SHARE, policy_named
 from handsight.datasets.errors import counted
 from handsight.jobs.engine import LOCAL, Engine
@@ -113,23 +114,15 @@ def collect_sim(
     ] = False,
     renderer: Renderer = "tiny",
     resume: Annotated[bool, typer.Option("--resume", help="Go on with an interrupted session.")] = False,
-    engine: Annotated[
-        Literal["local", "ray"], typer.Option(help="Where the workers run: on this machine, or on a Ray cluster.")
-    ] = "local",
-    ray_address: Annotated[
-        str | None,
-        typer.Option(
-            metavar="HOST:PORT",
-            help="Head of the Ray cluster; unless given $RAY_ADDRESS, or else a cluster of this machine alone.",
-        ),
-    ] = None,
+    engine: EngineName = "local",
+    ray_address: RayAddress = None,
     as_json: Json = False,
 ) -> None:
     """Collect grasps in simulation, random ones (section V-B) or a network's own; creates a missing dataset.
 
     The same seed gives the same attempts, whatever the engine, the number of workers and the interruptions.
     """
-    _check_engine(engine, ray_address)
+    check_engine(engine, ray_address)
     check_target(dataset)
     chosen = policy_named(policy, model=model, method=method, random_share=random_share, threshold=threshold)
     from handsight.collection.collector import CollectSettings
@@ -146,7 +139,7 @@ def collect_sim(
         dataset=dataset,
         seed=seed,
     )
-    with _engine(engine, ray_address, workers) as started:
+    with engine_named(engine, ray_address, workers) as started:
         report = collect_with_progress(dataset, factory, settings, resume=resume, engine=started)
     if as_json:
         print_json(report)
@@ -174,20 +167,6 @@ def collect_picture(
         print_json({"picture": out, "objects": objects, "seed": seed})
     else:
         console.print(bold(out), f": a scene of {objects} on the simulated station")
-
-
-def _check_engine(name: str, ray_address: str | None) -> None:
-    if name != "ray" and ray_address is not None:
-        raise CommandError(f"--ray-address {ray_address} goes with --engine ray, and the engine is {name}")
-
-
-def _engine(name: str, ray_address: str | None, workers: int) -> AbstractContextManager[Engine]:
-    """The engine, reached before anything is written."""
-    if name == "ray":
-        from handsight.jobs.ray_engine import ray_engine  # only where there is a cluster
-
-        return ray_engine(ray_address, workers=workers)
-    return nullcontext(LOCAL)
 
 
 def collect_with_progress(

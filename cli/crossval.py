@@ -13,10 +13,8 @@ from handsight.cli.ablate import (
     By,
     Epochs,
     HeldOut,
-    RayAddress,
     RestartFailed,
     RetryFailed,
-    SweepEngine,
     SweepOut,
     SweepViewpoint,
     Trials,
@@ -24,7 +22,7 @@ from handsight.cli.ablate import (
     sizes_of,
     sweep,
 )
-from handsight.cli.options import Dataset, DryRun, Json, Seed, Workers
+from handsight.cli.options import Dataset, DryRun, EngineName, Json, RayAddress, Seed, Workers
 from handsight.datasets.inputs.viewpoint import DEFAULT_VIEWPOINT
 
 
@@ -46,7 +44,7 @@ def crossval_command(
     restart_failed: RestartFailed = False,
     allow: Allow = None,
     workers: Workers = 2,
-    engine: SweepEngine = "local",
+    engine: EngineName = "local",
     ray_address: RayAddress = None,
     dry_run: DryRun = False,
     as_json: Json = False,

@@ -6,6 +6,7 @@ is refused before; every command opens through here, so that no command has to t
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -29,6 +30,17 @@ def checked_address(text: str) -> DatasetAddress:
     address = DatasetAddress.parse(text)
     check_dataset_folder(address.path)
     return address
+
+
+def check_named_once(datasets: Sequence[str]) -> None:
+    """Refuse versions that are named more than once.
+
+    Raises:
+        CommandError: Some are; all of them are named.
+    """
+    twice = sorted({name for name in datasets if datasets.count(name) > 1})
+    if twice:
+        raise CommandError(f"{', '.join(twice)} is named more than once, expected every version once")
 
 
 def open_version(text: str) -> GraspDataset:

@@ -130,6 +130,18 @@ Gripper = Annotated[
     Literal["2f-85", "2f-140"],
     typer.Option("--gripper", help="Gripper of the simulated station, by its stroke of 85 or 140 mm."),
 ]
+EngineName = Annotated[
+    Literal["local", "ray"],
+    typer.Option("--engine", help="Where the workers run: on this machine, or on a Ray cluster."),
+]
+RayAddress = Annotated[
+    str | None,
+    typer.Option(
+        "--ray-address",
+        metavar="HOST:PORT",
+        help="Head of the Ray cluster; unless given $RAY_ADDRESS, or else a cluster of this machine alone.",
+    ),
+]
 Renderer = Annotated[
     Literal["tiny", "egl", "auto"],
     typer.Option(

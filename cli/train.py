@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from handsight.cli.errors import CommandError
-from handsight.cli.opening import checked_address, open_version
+from handsight.cli.opening import check_named_once, checked_address, open_version
 from handsight.cli.options import MOST_ATTEMPTS, MOST_EPOCHS, Datasets, DryRun, Filter, Json, Seed, Where
 from handsight.cli.output import bold, console, print_json, progress_bar
 from handsight.datasets.errors import counted
@@ -81,7 +81,7 @@ def train_command(
 
     Training ends when the loss on attempts that were held out no longer falls, and keeps the network that was best.
     """
-    _check_named_once(datasets)
+    check_named_once(datasets)
     for dataset in datasets:
         checked_address(dataset)
     fold_name, fold = fold_of(folds)
@@ -129,12 +129,6 @@ def fold_of(text: str) -> tuple[str, int]:
     if text and not (name and colon and fold.isascii() and fold.isdecimal() and len(fold) < 4):
         raise CommandError(f"--folds is {text!r}, expected NAME:FOLD, such as by-object:0")
     return (name, int(fold)) if text else ("", 0)
-
-
-def _check_named_once(datasets: Sequence[str]) -> None:
-    twice = sorted({name for name in datasets if datasets.count(name) > 1})
-    if twice:
-        raise CommandError(f"{', '.join(twice)} is named more than once, expected every version once")
 
 
 def _print_plan(

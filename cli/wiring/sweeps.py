@@ -33,9 +33,12 @@ _WORST = 8
 """Objects that are listed on the screen."""
 
 
-def planned(datasets: Sequence[str], out: Path, *, allowed: Sequence[str], dry_run: bool, **axes: Any) -> SweepPlan:
+def planned(
+    datasets: Sequence[str], out: Path, *, only: Sequence[str], allowed: Sequence[str], dry_run: bool, **axes: Any
+) -> SweepPlan:
     """The plan that the folder has from now on; with ``dry_run`` the one that it would have."""
     plan = plan_sweep({address: open_version(address) for address in datasets}, **axes)
+    chosen_by(only, plan)  # refused before the folder is made
     return settle(out, plan, allowed=allowed, dry_run=dry_run)
 
 
@@ -91,8 +94,8 @@ def write_tables(plan: SweepPlan, out: Path) -> dict[str, Any]:
     folder = SweepFolder(out)
     results = folder.results(plan.cells())
     rows, differences, objects = sweep_rows(results), sweep_differences(results), object_rows(results)
-    states = [folder.state(cell) for cell in plan.cells()]
-    counts = {state: states.count(state) for state in ("done", "failed", "running", "left")}
+    state_of = {cell: folder.state(cell) for cell in plan.cells()}
+    counts = {state: list(state_of.values()).count(state) for state in ("done", "failed", "running", "left")}
     _write(out / "cells.csv", _cells_csv(results))
     if rows:
         _write(out / f"{FIGURE}.csv", _rows_csv(rows))
@@ -103,7 +106,7 @@ def write_tables(plan: SweepPlan, out: Path) -> dict[str, Any]:
         "states": counts,
         "cells": [cell_json(cell, result) for cell, result in results.items()],
         "failed": [
-            {"cell": cell.name, "why": folder.failure(cell)} for cell in plan.cells() if folder.state(cell) == "failed"
+            {"cell": cell.name, "why": folder.failure(cell)} for cell, state in state_of.items() if state == "failed"
         ],
         "rows": [asdict(row) for row in rows],
         "differences": [asdict(row) for row in differences],
