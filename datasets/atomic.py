@@ -45,6 +45,16 @@ def atomic_file(path: Path, *, durable: bool = False) -> Iterator[Path]:
             unfinished.unlink(missing_ok=True)
 
 
+def write_text(path: Path, text: str, *, durable: bool = False) -> None:
+    """Write a text file as UTF-8, whole or not at all; see :func:`atomic_file`.
+
+    Raises:
+        OSError: It cannot be written.
+    """
+    with atomic_file(path, durable=durable) as unfinished:
+        unfinished.write_text(text, encoding="utf-8")
+
+
 @contextmanager
 def atomic_folder(path: Path, *, beside: Path | None = None, durable: bool = False) -> Iterator[Path]:
     """A path for the block to make a folder at, which becomes ``path`` at the end, unless something is there by then.

@@ -111,12 +111,8 @@ class Pool(Generic[Task, Answer]):
         supply = enumerate(tasks)
         head = 0
         while True:
-            self._take(supply)
-            if not self._tasks:
+            if not self._advance(supply):
                 return
-            if self._failure is None:
-                self._collect_answers()
-                self._hand_out()
             if head in self._done:
                 del self._tasks[head]
                 yield self._done.pop(head).result()
@@ -130,12 +126,8 @@ class Pool(Generic[Task, Answer]):
         """Every task with its answer or error, as soon as it is there."""
         supply = enumerate(tasks)
         while True:
-            self._take(supply)
-            if not self._tasks:
+            if not self._advance(supply):
                 return
-            if self._failure is None:
-                self._collect_answers()
-                self._hand_out()
             if self._done:
                 number = min(self._done)
                 yield self._tasks.pop(number), self._done.pop(number)
@@ -156,6 +148,14 @@ class Pool(Generic[Task, Answer]):
         # that still ends while Python does leaves a traceback behind.
         with ThreadPoolExecutor(max(1, len(self._slots))) as shutdowns:
             list(shutdowns.map(lambda slot: slot.worker.shutdown(wait=True, cancel_futures=True), self._slots))
+
+    def _advance(self, supply: Iterator[tuple[int, Task]]) -> bool:
+        """Take tasks, collect what is done, and hand out the next; whether there is a task in hand."""
+        self._take(supply)
+        if self._tasks and self._failure is None:
+            self._collect_answers()
+            self._hand_out()
+        return bool(self._tasks)
 
     def _wait(self) -> None:
         """Until a worker has done something."""

@@ -13,7 +13,7 @@ from handsight.cli.opening import open_version
 from handsight.cli.output import console, progress_bar
 from handsight.cli.tables import Column, print_table
 from handsight.cli.wiring.sweep_readme import readme
-from handsight.datasets.atomic import atomic_file
+from handsight.datasets.atomic import write_text
 from handsight.datasets.errors import counted
 from handsight.jobs.engine import Engine
 from handsight.training.intervals import MeanOverTrials
@@ -96,11 +96,11 @@ def write_tables(plan: SweepPlan, out: Path) -> dict[str, Any]:
     rows, differences, objects = sweep_rows(results), sweep_differences(results), object_rows(results)
     state_of = {cell: folder.state(cell) for cell in plan.cells()}
     counts = {state: list(state_of.values()).count(state) for state in ("done", "failed", "running", "left")}
-    _write(out / "cells.csv", _cells_csv(results))
+    write_text(out / "cells.csv", _cells_csv(results))
     if rows:
-        _write(out / f"{FIGURE}.csv", _rows_csv(rows))
+        write_text(out / f"{FIGURE}.csv", _rows_csv(rows))
         ablation_figure(rows, objects, out / f"{FIGURE}.svg")
-        _write(out / "README.md", readme(plan, rows, differences, counts))
+        write_text(out / "README.md", readme(plan, rows, differences, counts))
     return {
         "out": str(out),
         "states": counts,
@@ -245,8 +245,3 @@ def _csv(lines: Sequence[Mapping[str, Any]]) -> str:
         writer.writeheader()
         writer.writerows(lines)
     return text.getvalue()
-
-
-def _write(path: Path, text: str) -> None:
-    with atomic_file(path) as unfinished:
-        unfinished.write_text(text, encoding="utf-8")

@@ -11,11 +11,11 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from handsight.datasets.atomic import atomic_file
+from handsight.datasets.atomic import write_text
 from handsight.datasets.writable import folder_fault
 from handsight.training.errors import SweepFolderError, SweepPlanError
 from handsight.training.settings import TrainSettings
-from handsight.training.sweep.plan import PLAN, SweepPlan
+from handsight.training.sweep.plan import PLAN, SweepPlan, shown_value
 
 SEARCH_VERSION = 1
 _ADDRESSES = ("address", "ref")
@@ -122,15 +122,14 @@ def settle_search(folder: Path, plan: SearchPlan, *, dry_run: bool = False) -> N
         raise SweepFolderError(f"{folder} holds other files, expected a new or empty folder: choose another --out")
     if not dry_run:
         folder.mkdir(parents=True, exist_ok=True)
-        with atomic_file(folder / PLAN, durable=True) as unfinished:
-            unfinished.write_text(json.dumps(plan.to_json(), indent=2) + "\n", encoding="utf-8")
+        write_text(folder / PLAN, json.dumps(plan.to_json(), indent=2) + "\n", durable=True)
 
 
 def plan_differences(was: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
     """In what two plans differ, part by part; empty when they are equal."""
     before, after = _flat(was), _flat(now)
     return [
-        f"{name} {_said(before.get(name))}, now {_said(after.get(name))}"
+        f"{name} {shown_value(before.get(name))}, now {shown_value(after.get(name))}"
         for name in {**before, **after}
         if before.get(name) != after.get(name)
     ]
@@ -168,8 +167,3 @@ def _flat(value: Any, name: str = "") -> dict[str, Any]:
         if not (name.startswith("datasets.") and part in _ADDRESSES):
             leaves |= _flat(one, path)
     return leaves
-
-
-def _said(value: Any) -> str:
-    text = json.dumps(value)
-    return text if len(text) <= 120 else f"{text[:117]}..."

@@ -10,7 +10,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from handsight.datasets.atomic import atomic_file
+from handsight.datasets.atomic import write_text
 from handsight.training.intervals import MeanOverTrials, mean_over_trials
 from handsight.training.search.plan import SPACE, SearchPlan, recipe_at
 from handsight.training.search.run import loss_of, proposal_folder
@@ -76,10 +76,10 @@ def write_search(plan: SearchPlan, folder: Path, rows: Sequence[ProposalRow]) ->
     Raises:
         OSError: They cannot be written.
     """
-    _write(folder / TABLE, _csv(rows))
+    write_text(folder / TABLE, _csv(rows))
     if (best := best_row(rows)) is not None:
         found = {**row_json(best), "datasets": [asdict(one) for one in plan.sweep.datasets]}
-        _write(folder / BEST, json.dumps({**found, "handsight": plan.sweep.handsight}, indent=2) + "\n")
+        write_text(folder / BEST, json.dumps({**found, "handsight": plan.sweep.handsight}, indent=2) + "\n")
 
 
 def row_json(row: ProposalRow) -> dict[str, Any]:
@@ -126,8 +126,3 @@ def _csv(rows: Sequence[ProposalRow]) -> str:
         values = [row.values[name] for name in SPACE]
         writer.writerow((row.number, row.state, row.trials, row.loss, row.accuracy, row.auc, *paired, *values, row.why))
     return text.getvalue()
-
-
-def _write(path: Path, text: str) -> None:
-    with atomic_file(path) as unfinished:
-        unfinished.write_text(text, encoding="utf-8")

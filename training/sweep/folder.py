@@ -18,7 +18,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Literal
 
-from handsight.datasets.atomic import atomic_file, clear_unfinished
+from handsight.datasets.atomic import clear_unfinished, write_text
 from handsight.datasets.held import HeldFile, is_held, lock_of, remove_abandoned
 from handsight.training.errors import SweepFolderError
 from handsight.training.run_folder import CHECKPOINT
@@ -88,8 +88,7 @@ class SweepFolder:
         """Keep what a cell came to; from the moment its metrics are there, it is done."""
         folder = self.cell_folder(cell)
         for name, text in ((CURVE, curve_csv(result.curve)), (PREDICTIONS, predictions_csv(result.predictions))):
-            with atomic_file(folder / name) as unfinished:
-                unfinished.write_text(text, encoding="utf-8")
+            write_text(folder / name, text)
         _write_json(folder / METRICS, {"cell": asdict(cell), "result": result.to_json()}, durable=True)
         (folder / FAILURE).unlink(missing_ok=True)
         self.checkpoint(cell).unlink(missing_ok=True)
@@ -135,8 +134,7 @@ class SweepFolder:
 
 
 def _write_json(path: Path, value: Mapping[str, Any], *, durable: bool = False) -> None:
-    with atomic_file(path, durable=durable) as unfinished:
-        unfinished.write_text(json.dumps(value, indent=2) + "\n", encoding="utf-8")
+    write_text(path, json.dumps(value, indent=2) + "\n", durable=durable)
 
 
 def _damaged(path: Path, fault: str) -> SweepFolderError:

@@ -15,7 +15,7 @@ from typing import Any, Self, get_args
 import numpy as np
 
 from handsight import __version__
-from handsight.datasets.atomic import atomic_file
+from handsight.datasets.atomic import write_text
 from handsight.datasets.curation.folds import Grouping
 from handsight.datasets.errors import counted
 from handsight.datasets.format.schema import Viewpoint
@@ -120,8 +120,7 @@ class SweepPlan:
 
 def write_plan(folder: Path, plan: SweepPlan) -> None:
     """Write the plan of a folder, whole or not at all."""
-    with atomic_file(folder / PLAN, durable=True) as unfinished:
-        unfinished.write_text(json.dumps(plan.to_json(), indent=2) + "\n", encoding="utf-8")
+    write_text(folder / PLAN, json.dumps(plan.to_json(), indent=2) + "\n", durable=True)
 
 
 def read_plan(folder: Path) -> SweepPlan:
@@ -165,7 +164,7 @@ def extended(old: SweepPlan, new: SweepPlan, *, allowed: Sequence[str] = ()) -> 
     """
     was, now = old.to_json(), new.to_json()
     faults = [
-        f"{part} {_said(was[part])}, now {_said(now[part])}"
+        f"{part} {shown_value(was[part])}, now {shown_value(now[part])}"
         for part in now
         if part not in allowed and not _is_more(part, was.get(part), now[part])
     ]
@@ -188,6 +187,7 @@ def _is_more(part: str, was: Any, now: Any) -> bool:
     return set(was) <= set(now) if part in _GROWS else bool(was == now)
 
 
-def _said(value: Any) -> str:
+def shown_value(value: Any) -> str:
+    """A part of a plan as messages have it: JSON, cut short where it is long."""
     text = json.dumps(value)
     return text if len(text) <= 120 else f"{text[:117]}..."
