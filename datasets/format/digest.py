@@ -65,8 +65,22 @@ def dataset_digest(attempt_digests: Iterable[bytes]) -> str:
     The bytes may come in any portions: one digest each, or those of a session at once.
     """
     rows = np.frombuffer(b"".join(attempt_digests), dtype=f"S{hashlib.sha256().digest_size}")
-    # All are of one length, so the padding that NumPy's byte strings ignore does not affect their order.
-    return hashlib.sha256(_DATASET_PREFIX + np.sort(rows).tobytes()).hexdigest()
+    digest = hashlib.sha256(_DATASET_PREFIX)
+    digest.update(_in_byte_order(rows).data)
+    return digest.hexdigest()
+
+
+def _in_byte_order(rows: NDArray[np.bytes_]) -> NDArray[np.bytes_]:
+    """Digests sorted by their bytes: by the first eight as one number, which takes a third of the time.
+
+    All are of one length, so the padding that NumPy's byte strings ignore does not affect their order.
+    """
+    heads = rows.view(">u8")[:: rows.itemsize // 8].astype(np.uint64)
+    order = np.argsort(heads)
+    ordered = heads[order]
+    if (ordered[1:] == ordered[:-1]).any():
+        return np.sort(rows)
+    return rows[order]
 
 
 def object_names(scene: SceneObjects | None, station: StationSpec) -> tuple[str, ...]:

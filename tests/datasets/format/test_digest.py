@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterator
 from dataclasses import fields, is_dataclass, replace
 from itertools import pairwise
@@ -160,6 +161,17 @@ def test_the_dataset_digest_counts_repeated_attempts() -> None:
     one, two = b"a" * 32, b"b" * 32
     assert len({dataset_digest(case) for case in ([], [one], [one, one], [one, two])}) == 4
     assert dataset_digest([one, two]) == dataset_digest([two, one])
+
+
+@given(
+    st.lists(
+        st.tuples(st.sampled_from((b"\0" * 8, b"\x01" + b"\0" * 7, b"\xff" * 8)), st.binary(min_size=24, max_size=24))
+    )
+)
+def test_digests_enter_in_the_order_of_their_bytes(parts: list[tuple[bytes, bytes]]) -> None:
+    digests = [head + tail for head, tail in parts]
+    expected = hashlib.sha256(b"handsight dataset 1\n" + b"".join(sorted(digests))).hexdigest()
+    assert dataset_digest(digests) == expected
 
 
 def golden_attempt() -> GraspAttempt:
