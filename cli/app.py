@@ -105,6 +105,7 @@ NOUNS = (
         ("handsight servo --model runs/rgbd", "handsight servo --model runs/rgbd --method first-order --trial 7"),
         kept="no recording was written",
     ),
+    LazyCommand("view", "view.app:view_app", "Browse datasets in the Rerun viewer."),
     LazyCommand("objects", "objects:objects_app", "Object sets of the simulated station."),
 )
 _COMPLETE = "_HANDSIGHT_COMPLETE"

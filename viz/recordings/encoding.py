@@ -63,11 +63,12 @@ def height_image(inputs_depth_m: NDArray[np.float32], *, top_m: float) -> rr.Dep
     )
 
 
-def log_overlay(recording: rr.RecordingStream, path: str, heatmap: Heatmap) -> None:
+def log_overlay(recording: rr.RecordingStream, path: str, heatmap: Heatmap, *, static: bool = False) -> None:
     """Log a heatmap so that every cell lies on the raw pixel that it scores; low scores let the picture through."""
     placement = place_heatmap(heatmap)
-    recording.log(path, png(overlay_rgba(heatmap.scores), draw_order=OVERLAY_ORDER))
-    recording.log(path, rr.Transform3D(translation=(*placement.translation_px, 0.0), scale=(*placement.scale, 1.0)))
+    recording.log(path, png(overlay_rgba(heatmap.scores), draw_order=OVERLAY_ORDER), static=static)
+    transform = rr.Transform3D(translation=(*placement.translation_px, 0.0), scale=(*placement.scale, 1.0))
+    recording.log(path, transform, static=static)
 
 
 def _encode(suffix: str, pixels: NDArray[np.integer | np.floating], parameters: list[int] | None = None) -> bytes:

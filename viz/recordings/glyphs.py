@@ -33,7 +33,14 @@ PALM_HALF_SIZE_M = (0.052, 0.011, 0.011)
 
 
 def log_jaws(
-    recording: rr.RecordingStream, path: str, frame: PictureFrame, step: Step, *, width_m: float, colour: Rgb
+    recording: rr.RecordingStream,
+    path: str,
+    frame: PictureFrame,
+    step: Step,
+    *,
+    width_m: float,
+    colour: Rgb,
+    static: bool = False,
 ) -> None:
     """Log the jaws as they would stand after ``step``, outlined in black so that they show on any picture."""
     strips = frame.jaws(step, width_m)
@@ -42,10 +49,12 @@ def log_jaws(
     recording.log(
         f"{path}/outline",
         rr.LineStrips2D(strips, colors=[OUTLINE], radii=rr.Radius.ui_points(radii + OUTLINE_UI), draw_order=JAWS_ORDER),
+        static=static,
     )
     recording.log(
         f"{path}/line",
         rr.LineStrips2D(strips, colors=[colour], radii=rr.Radius.ui_points(radii), draw_order=JAWS_ORDER + 1),
+        static=static,
     )
 
 
@@ -72,6 +81,7 @@ def log_label(
     text: str,
     *,
     width_m: float,
+    static: bool = False,
 ) -> None:
     """Log a text under the jaws after each of ``steps``, or over them where the picture ends.
 
@@ -94,6 +104,7 @@ def log_label(
             show_labels=True,
             draw_order=LABEL_ORDER,
         ),
+        static=static,
     )
 
 

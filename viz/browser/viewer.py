@@ -1,0 +1,94 @@
+"""Rerun's viewer as a process of its own: in a window, or served to a browser on this machine."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from urllib.parse import quote
+
+from handsight.jobs.processes import bound_command
+from handsight.viz.errors import ViewerError
+from handsight.viz.recordings.viewer_process import (
+    free_port,
+    viewer_binary,
+    viewer_environment,
+    wait_until_listening,
+)
+
+MEMORY_LIMIT = "2GB"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OpenViewer:
+    """A viewer that runs."""
+
+    process: subprocess.Popen[bytes]
+    port: int
+    """Where it listens for what to show."""
+    page: str = ""
+    """What to open in a web browser; empty where the viewer has a window of its own."""
+
+
+def check_display() -> None:
+    """Refuse to open a window where there is no screen.
+
+    Raises:
+        ViewerError: There is none.
+    """
+    if sys.platform.startswith("linux") and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+        raise ViewerError(
+            "there is no display for the viewer's window (neither DISPLAY nor WAYLAND_DISPLAY is set): pass --web to "
+            "look with a web browser"
+        )
+
+
+@contextmanager
+def native_viewer(address: str) -> Iterator[OpenViewer]:
+    """A window that shows an address, and ends with the block.
+
+    Raises:
+        ViewerError: It did not start.
+    """
+    check_display()
+    port = free_port()
+    command = [str(viewer_binary()), address, "--bind", "127.0.0.1", "--port", str(port)]
+    command += ["--memory-limit", MEMORY_LIMIT, "--hide-welcome-screen"]
+    with _running(command, port) as process:
+        yield OpenViewer(process=process, port=port)
+
+
+@contextmanager
+def web_viewer(address: str, *, host: str = "127.0.0.1", port: int = 0) -> Iterator[OpenViewer]:
+    """A page that shows an address in a web browser, served until the block ends.
+
+    Args:
+        address: What it shows.
+        host: Where the page is served; nobody but this machine unless told otherwise.
+        port: Of the page; 0 for any free one.
+
+    Raises:
+        ViewerError: The server did not start, as where the port is in use.
+    """
+    page_port, grpc_port = port or free_port(), free_port()
+    command = [str(viewer_binary()), "--serve-web", address, "--bind", host, "--port", str(grpc_port)]
+    command += ["--web-viewer-port", str(page_port)]
+    with _running(command, page_port) as process:
+        page = f"http://{host}:{page_port}/?url={quote(address, safe='')}"
+        yield OpenViewer(process=process, port=grpc_port, page=page)
+
+
+@contextmanager
+def _running(command: list[str], port: int) -> Iterator[subprocess.Popen[bytes]]:
+    with tempfile.TemporaryFile() as log:
+        process = subprocess.Popen(bound_command(command), stdout=log, stderr=log, env=viewer_environment())
+        try:
+            wait_until_listening(process, port, log)
+            yield process
+        finally:
+            process.kill()
+            process.wait()
