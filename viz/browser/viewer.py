@@ -11,6 +11,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from urllib.parse import quote
 
+from rerun.experimental import ViewerClient
+
 from handsight.jobs.processes import bound_command
 from handsight.viz.errors import ViewerError
 from handsight.viz.recordings.viewer_process import (
@@ -33,17 +35,32 @@ class OpenViewer:
     page: str = ""
     """What to open in a web browser; empty where the viewer has a window of its own."""
 
+    def show(self, address: str) -> None:
+        """Have a viewer with a window of its own show another address.
 
-def check_display() -> None:
+        Raises:
+            ViewerError: It was closed, or does not answer.
+        """
+        try:
+            ViewerClient.connect(f"rerun+http://127.0.0.1:{self.port}/proxy").open(address)
+        except (ConnectionError, TimeoutError) as error:
+            raise ViewerError(
+                "the viewer was closed or does not answer; what was decided is kept, the same call opens another"
+            ) from error
+
+
+def check_display(remedy: str = "pass --web to look with a web browser") -> None:
     """Refuse to open a window where there is no screen.
+
+    Args:
+        remedy: What to do then.
 
     Raises:
         ViewerError: There is none.
     """
     if sys.platform.startswith("linux") and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         raise ViewerError(
-            "there is no display for the viewer's window (neither DISPLAY nor WAYLAND_DISPLAY is set): pass --web to "
-            "look with a web browser"
+            f"there is no display for the viewer's window (neither DISPLAY nor WAYLAND_DISPLAY is set): {remedy}"
         )
 
 
