@@ -124,7 +124,7 @@ class Browser:
 
     def attempt_address(self, attempt: str) -> str:
         """What a viewer opens to see one attempt."""
-        return self._catalog.recording_address("attempt", attempt, self._gateway.port)
+        return self._catalog.recording_address("attempt", recording_id("attempt", attempt), self._gateway.port)
 
     def failures(self) -> list[tuple[str, str]]:
         """Attempts that could not be shown, and why."""

@@ -14,16 +14,14 @@ from handsight.viz.browser.rows import NO_LABEL
 
 Kind = Literal["card", "attempt"]
 KINDS: tuple[Kind, ...] = ("card", "attempt")
-CARD_PREFIX = "card-"
-"""Recording ids of cards begin so; those of attempts are the attempts' ids."""
 ON_SCREEN = 128
 """So many recordings that were asked for last are never deleted: they are being looked at."""
-_NAMED = re.compile(rb"(card-)?([0-9A-HJKMNP-TV-Z]{26}-[0-9]{6,})(?![0-9])")
+_NAMED = re.compile(rb"(card|attempt)-([0-9A-HJKMNP-TV-Z]{26}-[0-9]{6,})(?![0-9])")
 
 
 def recording_id(kind: Kind, attempt: str) -> str:
-    """The id of a recording, which the viewer asks for by it."""
-    return f"{CARD_PREFIX}{attempt}" if kind == "card" else attempt
+    """The id of a recording, by which the viewer asks for it. Its kind begins it, lest half of a name mean another."""
+    return f"{kind}-{attempt}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +34,8 @@ class Wanted:
 
 def wanted_in(piece: bytes) -> set[Wanted]:
     """The recordings that bytes of a question name."""
-    return {Wanted("card" if card else "attempt", attempt.decode("ascii")) for card, attempt in _NAMED.findall(piece)}
+    found = _NAMED.findall(piece)
+    return {Wanted("card" if kind == b"card" else "attempt", attempt.decode("ascii")) for kind, attempt in found}
 
 
 class Makes(Protocol):
