@@ -36,7 +36,8 @@ class Catalog:
         self.known |= {f"{kind}/{path.stem}" for path in paths}
 
     def forget(self, kind: Kind, recordings: list[str]) -> None:
-        self.known = {one for one in self.known if not any(one == f"{kind}/{name}" for name in recordings)}
+        assert all(one.startswith(f"{kind}-{SESSION}") for one in recordings)
+        self.known -= {f"{kind}/{one.removeprefix(f'{kind}-')}" for one in recordings}
 
 
 def shelf(tmp_path: Path, catalog: Catalog, *, count: int = 400, limit: int = 10**9) -> Shelf:
