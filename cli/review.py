@@ -88,7 +88,7 @@ def review_command(
     if like and model is None:
         raise CommandError("--like is given without a network that sees the likeness: add --model RUN")
     if viewer:
-        from handsight.viz.browser.viewer import check_display
+        from handsight.viz.browser.display import check_display
 
         check_display("pass --no-viewer to go by what is printed")
     opened = open_version(dataset)

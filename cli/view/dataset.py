@@ -83,7 +83,7 @@ def dataset_command(
     if picture is not None:
         check_out_file(picture, ".png")
     elif not web:
-        from handsight.viz.browser.viewer import check_display
+        from handsight.viz.browser.display import check_display
 
         check_display()
     opened = open_version(dataset)

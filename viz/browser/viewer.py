@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import os
 import subprocess
-import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -14,6 +12,7 @@ from urllib.parse import quote
 from rerun.experimental import ViewerClient
 
 from handsight.jobs.processes import bound_command
+from handsight.viz.browser.display import check_display
 from handsight.viz.errors import ViewerError
 from handsight.viz.recordings.viewer_process import (
     free_port,
@@ -47,21 +46,6 @@ class OpenViewer:
             raise ViewerError(
                 "the viewer was closed or does not answer; what was decided is kept, the same call opens another"
             ) from error
-
-
-def check_display(remedy: str = "pass --web to look with a web browser") -> None:
-    """Refuse to open a window where there is no screen.
-
-    Args:
-        remedy: What to do then.
-
-    Raises:
-        ViewerError: There is none.
-    """
-    if sys.platform.startswith("linux") and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
-        raise ViewerError(
-            f"there is no display for the viewer's window (neither DISPLAY nor WAYLAND_DISPLAY is set): {remedy}"
-        )
 
 
 @contextmanager

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import pytest
 
@@ -28,7 +29,7 @@ def test_every_cell_is_what_was_recorded(dataset: GraspDataset, ids: list[str]) 
     rows = batch.to_pylist()
     assert [row["attempt"] for row in rows] == ids
     for row, key in zip(rows, ids, strict=True):
-        recorded = dataset.attempts.loc[key]
+        recorded: Any = dataset.attempts.loc[key]
         assert row["outcome"] == recorded["outcome"]
         assert row["target"] == recorded["target"]
         assert row["excluded"] is False
