@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -12,6 +11,7 @@ import rerun.blueprint as rrb
 from rerun.blueprint import table as rrt
 from rerun.catalog import OnDuplicateSegmentLayer
 
+from handsight.datasets.held import HeldFolder
 from handsight.viz.browser.rows import EXCLUDED, INDEX, LABEL, SCHEMA
 from handsight.viz.browser.shelf import Kind
 
@@ -39,7 +39,7 @@ class Catalog:
     def __init__(self, name: str, *, host: str = "127.0.0.1") -> None:
         self._server = rr.server.Server(host=host)
         self._client = self._server.client()
-        self._folder = tempfile.TemporaryDirectory(prefix="handsight-browser-")
+        self._folder = HeldFolder("handsight-browser-")
         self._datasets = {kind: self._client.create_dataset(dataset) for kind, dataset in _DATASETS.items()}
         self._table = self._client.create_table(name, SCHEMA)
 
@@ -51,7 +51,7 @@ class Catalog:
     @property
     def folder(self) -> Path:
         """A folder that ends with the catalog."""
-        return Path(self._folder.name)
+        return self._folder.path
 
     def table_address(self, port: int) -> str:
         """The address of the table through a port."""
@@ -101,8 +101,9 @@ class Catalog:
         self._datasets[kind].unregister(segments_to_drop=list(recordings), layers_to_drop=[]).wait()
 
     def close(self) -> None:
-        """Stop the server."""
+        """Stop the server, and let go of what it keeps on disk, which goes when nobody asks for it any more."""
         self._server.shutdown()
+        del self._table, self._datasets, self._client, self._server
         self._folder.cleanup()
 
 

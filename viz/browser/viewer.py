@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import subprocess
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -11,15 +10,9 @@ from urllib.parse import quote
 
 from rerun.experimental import ViewerClient
 
-from handsight.jobs.processes import bound_command
 from handsight.viz.browser.display import check_display
 from handsight.viz.errors import ViewerError
-from handsight.viz.recordings.viewer_process import (
-    free_port,
-    viewer_binary,
-    viewer_environment,
-    wait_until_listening,
-)
+from handsight.viz.recordings.viewer_process import free_port, running_viewer
 
 MEMORY_LIMIT = "2GB"
 
@@ -57,9 +50,9 @@ def native_viewer(address: str) -> Iterator[OpenViewer]:
     """
     check_display()
     port = free_port()
-    command = [str(viewer_binary()), address, "--bind", "127.0.0.1", "--port", str(port)]
-    command += ["--memory-limit", MEMORY_LIMIT, "--hide-welcome-screen"]
-    with _running(command, port) as process:
+    arguments = [address, "--bind", "127.0.0.1", "--port", str(port)]
+    arguments += ["--memory-limit", MEMORY_LIMIT, "--hide-welcome-screen"]
+    with running_viewer(arguments, port) as process:
         yield OpenViewer(process=process, port=port)
 
 
@@ -76,20 +69,8 @@ def web_viewer(address: str, *, host: str = "127.0.0.1", port: int = 0) -> Itera
         ViewerError: The server did not start, as where the port is in use.
     """
     page_port, grpc_port = port or free_port(), free_port()
-    command = [str(viewer_binary()), "--serve-web", address, "--bind", host, "--port", str(grpc_port)]
-    command += ["--web-viewer-port", str(page_port)]
-    with _running(command, page_port) as process:
+    arguments = ["--serve-web", address, "--bind", host, "--port", str(grpc_port)]
+    arguments += ["--web-viewer-port", str(page_port)]
+    with running_viewer(arguments, page_port) as process:
         page = f"http://{host}:{page_port}/?url={quote(address, safe='')}"
         yield OpenViewer(process=process, port=grpc_port, page=page)
-
-
-@contextmanager
-def _running(command: list[str], port: int) -> Iterator[subprocess.Popen[bytes]]:
-    with tempfile.TemporaryFile() as log:
-        process = subprocess.Popen(bound_command(command), stdout=log, stderr=log, env=viewer_environment())
-        try:
-            wait_until_listening(process, port, log)
-            yield process
-        finally:
-            process.kill()
-            process.wait()

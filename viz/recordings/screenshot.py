@@ -6,8 +6,6 @@ while it already draws, so a screenshot counts only once two in a row look the s
 
 from __future__ import annotations
 
-import subprocess
-import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -19,15 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 from rerun.experimental import ViewerClient
 
-from handsight.jobs.processes import bound_command
 from handsight.viz.errors import ScreenshotError
-from handsight.viz.recordings.viewer_process import (
-    free_port,
-    viewer_binary,
-    viewer_diagnosis,
-    viewer_environment,
-    wait_until_listening,
-)
+from handsight.viz.recordings.viewer_process import free_port, running_viewer
 
 MEMORY_LIMIT = "1GB"
 PICTURE_LIMIT_S = 90.0
@@ -91,18 +82,9 @@ def save_address_picture(address: str, path: Path) -> None:
 def _viewer() -> Iterator[ViewerClient]:
     """A headless viewer, reachable from this machine only, that ends with the block whatever happens in it."""
     port = free_port()
-    command = [str(viewer_binary()), "--headless", "--hide-welcome-screen", "--bind", "127.0.0.1", "--port", str(port)]
-    command += ["--memory-limit", MEMORY_LIMIT]
-    with tempfile.TemporaryFile() as log:
-        process = subprocess.Popen(bound_command(command), stdout=log, stderr=log, env=viewer_environment())
-        try:
-            wait_until_listening(process, port, log)
-            yield ViewerClient.connect(f"rerun+http://127.0.0.1:{port}/proxy")
-        except ConnectionError as error:
-            raise viewer_diagnosis(log) from error
-        finally:
-            process.kill()
-            process.wait()
+    arguments = ["--headless", "--hide-welcome-screen", "--bind", "127.0.0.1", "--port", str(port)]
+    with running_viewer([*arguments, "--memory-limit", MEMORY_LIMIT], port):
+        yield ViewerClient.connect(f"rerun+http://127.0.0.1:{port}/proxy")
 
 
 def _open(viewer: ViewerClient, recording: Path) -> None:

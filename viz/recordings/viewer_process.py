@@ -6,16 +6,48 @@ import io
 import os
 import socket
 import subprocess
+import tempfile
 import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
 
+from handsight.datasets.held import HeldFolder
+from handsight.jobs.processes import bound_command
 from handsight.viz.errors import NoVulkanError, ScreenshotError
 
 NO_VULKAN_SIGNS = ("No graphics adapter", "Failed to get render context")
 START_LIMIT_S = 30.0
 POLL_S = 0.1
 _FORCED = "FORCE_RERUN_ANALYTICS"
+
+
+@contextmanager
+def running_viewer(arguments: Sequence[str], port: int) -> Iterator[subprocess.Popen[bytes]]:
+    """The viewer's program, which ends with the block whatever happens in it, and leaves nothing behind.
+
+    Args:
+        arguments: What it is called with.
+        port: Where it listens once it is ready.
+
+    Raises:
+        ScreenshotError: It ended at once, or took too long, or went away during the block.
+        NoVulkanError: It found no graphics driver.
+    """
+    # A viewer that is killed leaves the folder of its catalog where temporary files go.
+    with HeldFolder("handsight-viewer-") as folder, tempfile.TemporaryFile() as log:
+        command = bound_command([str(viewer_binary()), *arguments])
+        environment = {**viewer_environment(), "TMPDIR": str(folder)}
+        process = subprocess.Popen(command, stdout=log, stderr=log, env=environment)
+        try:
+            wait_until_listening(process, port, log)
+            yield process
+        except ConnectionError as error:
+            raise viewer_diagnosis(log) from error
+        finally:
+            process.kill()
+            process.wait()
 
 
 def viewer_environment() -> dict[str, str]:

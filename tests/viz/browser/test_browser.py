@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tempfile
 from pathlib import Path
 
 import pyarrow as pa
@@ -116,6 +117,22 @@ def test_nothing_is_decided_about_a_release(dataset: GraspDataset, tmp_path: Pat
         assert (decided.decision, decided.refused) == (None, "a release does not change")
         assert browser.follow() == []
     assert GraspDataset.open(str(dataset.repository.path)).snapshot_id == dataset.snapshot_id
+
+
+def test_nothing_is_left_where_temporary_files_go(
+    dataset: GraspDataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    temporary = tmp_path / "temporary"
+    temporary.mkdir()
+    monkeypatch.setenv("TMPDIR", str(temporary))
+    monkeypatch.setattr(tempfile, "tempdir", None)
+    with browse(dataset, tmp_path) as browser:
+        assert list(temporary.iterdir())
+        try:
+            save_address_picture(browser.address, tmp_path / "cards.png")
+        except NoVulkanError as error:
+            pytest.skip(str(error))
+    assert list(temporary.iterdir()) == []
 
 
 def test_a_port_in_use_is_refused_in_one_line_and_leaves_nothing(dataset: GraspDataset, tmp_path: Path) -> None:
