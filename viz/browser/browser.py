@@ -14,6 +14,7 @@ import pandas as pd
 import pyarrow as pa
 
 from handsight.datasets.curation.curator import Curator
+from handsight.datasets.errors import counted
 from handsight.datasets.reading.attempt_ids import short_id
 from handsight.datasets.reading.reader import GraspDataset
 from handsight.datasets.views import station_view
@@ -175,7 +176,7 @@ class Browser:
         taken = self._dataset.rows(ids, ("overhead_taken",))["overhead_taken"]
         if not taken.any():
             raise BrowserError(
-                f"none of the {len(taken)} attempts took a picture, expected one at least: choose others"
+                f"of {counted(len(taken), 'attempt')} none took a picture, expected one at least: choose others"
             )
         return str(taken.index[taken.to_numpy(dtype=bool)][0])
 
