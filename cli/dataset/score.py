@@ -12,7 +12,7 @@ from handsight.cli.dataset.author import author_named
 from handsight.cli.errors import CommandError
 from handsight.cli.opening import checked_address, open_repository, open_version
 from handsight.cli.options import MOST_EPOCHS, Author, DatasetBranch, DryRun, Json
-from handsight.cli.output import console, print_json
+from handsight.cli.output import bold, console, print_json
 from handsight.cli.tables import Column, print_table
 from handsight.datasets.errors import counted, pasteable
 from handsight.training.run_folder import check_finished_run
@@ -72,7 +72,7 @@ def score(
         if as_json:
             print_json({"scores": name, "deleted": not dry_run})
         else:
-            console.print(f"{'would have forgotten' if dry_run else 'forgot'} the scores {name}")
+            console.print(f"{'would have forgotten' if dry_run else 'forgot'} the scores ", bold(name))
         return
     from handsight.cli.wiring.scoring import scores_by_folds, scores_by_run  # PyTorch
 
@@ -95,7 +95,7 @@ def score(
         return
     would = "would have " if dry_run else ""
     console.print(
-        f"{would}scored {counted(len(values), 'attempt')}, {wrong} of them on the other side of 0.5 than their label"
+        f"{would}scored {counted(len(values), 'attempt')}; of these, on the other side of 0.5 than the label: {wrong}"
     )
     if not dry_run:
         listing = pasteable("handsight", "dataset", "ls", dataset, "--sort", f"error_{name}", "--reverse", "-n", 20)
