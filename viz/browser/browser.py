@@ -26,7 +26,7 @@ from handsight.viz.browser.gateway import Gateway
 from handsight.viz.browser.rows import BrowserRow, Seen, browser_rows, table_batch
 from handsight.viz.browser.shelf import Shelf, Wanted, recording_id
 from handsight.viz.errors import BrowserError
-from handsight.viz.recordings.attempt import AttemptExample, attempt_blueprint, write_attempt
+from handsight.viz.recordings.attempt import AttemptExample, attempt_blueprint, pregrasp_pose, write_attempt
 
 MOST_BYTES = 1_000_000_000
 """Of recordings on disk, unless another limit is given."""
@@ -222,12 +222,13 @@ class Browser:
 
     def _make(self, wanted: Wanted, path: Path) -> None:
         """Write a recording; called from the gateway's threads, one at a time."""
-        attempt, station = self._dataset.attempt(wanted.attempt), self._dataset.station(wanted.attempt)
-        row = self._rows[wanted.attempt]
+        row, station = self._rows[wanted.attempt], self._dataset.station(wanted.attempt)
         name = recording_id(wanted.kind, wanted.attempt)
-        if wanted.kind == "card":
-            write_card(path, name, attempt, station, success=row.success)
+        if wanted.kind == "card":  # Of tens at a time: only what it shows is read.
+            goal = pregrasp_pose(row.pregrasp_x_m, row.pregrasp_y_m, row.pregrasp_angle_rad)
+            write_card(path, name, self._dataset.frame(wanted.attempt), goal, station, success=row.success)
             return
+        attempt = self._dataset.attempt(wanted.attempt)
         heatmap: Heatmap | None = None
         scorer = self._settings.scorer
         if scorer is not None and attempt.overhead is not None:

@@ -32,6 +32,9 @@ _COLUMNS = (
     "contact_force_n",
     "width_final_m",
     "started",
+    "pregrasp_x_m",
+    "pregrasp_y_m",
+    "pregrasp_angle_rad",
 )
 # The viewer writes the value of a row again by the column so marked.
 _IS_INDEX = {b"rerun:is_table_index": b"true"}
@@ -88,6 +91,10 @@ class BrowserRow:
     width_final_m: float
     started: str
     """UTC."""
+    pregrasp_x_m: float
+    pregrasp_y_m: float
+    pregrasp_angle_rad: float
+    """The pre-grasp pose in the base frame; NaN where none was chosen."""
 
     @property
     def title(self) -> str:
