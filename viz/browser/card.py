@@ -48,7 +48,14 @@ def write_card(path: Path, name: str, attempt: GraspAttempt, station: StationSpe
             picture = PictureFrame(camera=view.camera, plane_m=view.plane_m)
             colour = label_colour(success)
             log_jaws(
-                stream, "picture/jaws", picture, step, width_m=station.gripper_stroke_m, colour=colour, static=True
+                stream,
+                "picture/jaws",
+                picture,
+                step,
+                width_m=station.gripper_stroke_m,
+                colour=colour,
+                dashed=success is False,
+                static=True,
             )
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import rerun as rr
 
 from handsight.viz.palette import OUTLINE, STEEL, Rgb
-from handsight.viz.pixels import FINGER_HALF_WIDTH_M, PictureFrame, Step
+from handsight.viz.pixels import FINGER_HALF_WIDTH_M, PictureFrame, Step, jaw_strips
 
 STAY: Step = (0.0, 0.0, 0.0)
 
@@ -40,11 +40,15 @@ def log_jaws(
     *,
     width_m: float,
     colour: Rgb,
+    dashed: bool = False,
     static: bool = False,
 ) -> None:
-    """Log the jaws as they would stand after ``step``, outlined in black so that they show on any picture."""
-    strips = frame.jaws(step, width_m)
-    radii = np.array([FINGER_UI, FINGER_UI, CLOSING_UI])
+    """Log the jaws as they would stand after ``step``, outlined in black so that they show on any picture.
+
+    The line between them is dashed where ``dashed``, as it is for grasps that failed.
+    """
+    strips = jaw_strips(frame, step, width_m, dashed=dashed)
+    radii = np.array([FINGER_UI, FINGER_UI, *[CLOSING_UI] * (len(strips) - 2)])
     # In one entity the outline would be blended with its line: two entities, two draw orders.
     recording.log(
         f"{path}/outline",

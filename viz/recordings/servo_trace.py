@@ -49,7 +49,7 @@ PLOT_HALF_RANGES = (5.5, 22.0, 55.0, 110.0)
 ARROW_FROM_M = 0.001
 """A grasp nearer than this is executed from here: it needs no arrow, and its jaws would cover those shown."""
 SERIES = {
-    "plots/score/here": ("S(p)", palette.HELD),
+    "plots/score/here": ("S(p)", palette.MEASURED),
     "plots/score/predicted": ("S(p+Δp)", palette.CHOSEN),
     "plots/score/threshold": ("threshold", palette.THRESHOLD),
     "plots/step/dx_mm": ("Δx [mm]", palette.AXIS_X),
@@ -275,7 +275,9 @@ def _log_grasp(stream: rr.RecordingStream, recording: TrialRecording) -> None:
         log_arrow(stream, f"{CAMERA}/arrow", frame, grasp, colour=colour)
     else:
         stream.log(f"{CAMERA}/jaws/here", rr.Clear(recursive=True))
-    log_jaws(stream, f"{CAMERA}/jaws/grasp", frame, grasp, width_m=spec.gripper_stroke_m, colour=colour)
+    missed = not recording.trial.success
+    width_m = spec.gripper_stroke_m
+    log_jaws(stream, f"{CAMERA}/jaws/grasp", frame, grasp, width_m=width_m, colour=colour, dashed=missed)
     text = f"{outcome(recording)} · S {trace.grasp_score:.2f}"
     log_label(stream, f"{CAMERA}/text", frame, [grasp], text, width_m=spec.gripper_stroke_m)
     pose = trace.grasp_pose.pose_base_tool(0.0)
