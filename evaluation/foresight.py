@@ -82,6 +82,14 @@ def calibrate(run: TrainedRun, dataset: GraspDataset) -> Temperature:
     return fit_temperature(np.concatenate(scores), np.concatenate(labels), source="held out from its training")
 
 
+def learnt_from(run: TrainedRun, dataset: GraspDataset) -> frozenset[str] | None:
+    """Ids of the attempts that a run was trained on; None where that cannot be told. Arguments as of `calibrate`."""
+    try:
+        return frozenset(one for part in held_out_attempts(run.record, beside=dataset) for one in part.learnt)
+    except HeldOutError:
+        return None
+
+
 def scores_at_grasps(
     scorer: GraspScorer,
     dataset: GraspDataset,
@@ -127,20 +135,14 @@ def foresights(
 ) -> list[Foresight]:
     """The scores beside what happened, in the order of the attempts; those without a label are left out."""
     rows = dataset.rows(attempts, ["success", "target"])
+    labelled = rows["success"].notna()
     calibrated = temperature(raw)
     found = []
     for attempt, one, score in zip(attempts, raw.tolist(), calibrated.tolist(), strict=True):
-        success, target = rows.at[attempt, "success"], rows.at[attempt, "target"]
-        if success == success and success is not None:
-            found.append(
-                Foresight(
-                    attempt=attempt,
-                    target=str(target) if isinstance(target, str) else "",
-                    held=bool(success),
-                    raw=one,
-                    score=score,
-                )
-            )
+        if labelled[attempt]:
+            held, target = bool(rows.at[attempt, "success"]), rows.at[attempt, "target"]
+            name = target if isinstance(target, str) else ""
+            found.append(Foresight(attempt=attempt, target=name, held=held, raw=one, score=score))
     return found
 
 

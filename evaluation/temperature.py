@@ -1,4 +1,4 @@
-"""Scores that mean what they say: a network's logits divided by one number, fitted on attempts that it never learnt from.
+"""Scores that mean what they say: logits divided by one number, fitted on attempts that the network never learnt from.
 
 Networks trained to the end are too sure of themselves, and most of a heatmap is then 0.00 or 1.00. Temperature scaling
 (Guo et al. 2017, On calibration of modern neural networks) softens all scores alike: which of two is higher, and which
@@ -73,8 +73,8 @@ def fit_temperature(scores: NDArray[np.float32], labels: NDArray[np.float32], *,
     check_scores(scores, len(labels))
     held = int((labels > 0.5).sum())
     if len(labels) < LEAST or held in (0, len(labels)):
-        found = f"{counted(len(labels), 'attempt')} {source}, {held} held"
-        return Temperature(source=f"{found}: too few to fit a temperature on")
+        few = f"{counted(len(labels), 'attempt')} {source}, {held} held: too few to fit a temperature on"
+        return Temperature(source=few)
     logits = _logits(scores)
     # Platt's targets: with few attempts no outcome is taken for certain.
     sure, unsure = (held + 1) / (held + 2), 1 / (len(labels) - held + 2)

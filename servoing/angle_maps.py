@@ -1,9 +1,9 @@
 """Predicted success over the whole picture at every angle: the heatmap of figure 8 with the third dimension of a step.
 
 A network that has a dense form scores all positions of one angle in a pass over the turned picture (``sweep.py``). Its
-lattice is turned against the picture, so the scores are read off it between its points: bilinearly, from a
-lattice twice as fine where there is one. At angle 0 lattice and picture agree, and nothing is read between points. A network without a
-dense form is shown the crop of each point by itself, which is exact and takes far longer.
+lattice is turned against the picture, so the scores are read off it between its points: bilinearly, from a lattice
+twice as fine where there is one. At angle 0 lattice and picture agree, and nothing is read between points. A network
+without a dense form is shown the crop of each point by itself, which is exact and takes far longer.
 """
 
 from __future__ import annotations

@@ -34,6 +34,8 @@ class HeldOut:
     dataset: GraspDataset
     viewpoint: Viewpoint
     attempts: tuple[str, ...]
+    learnt: tuple[str, ...]
+    """The others of the version that it was trained on."""
 
 
 def held_out_attempts(record: Mapping[str, Any], *, beside: GraspDataset) -> list[HeldOut]:
@@ -63,7 +65,7 @@ def held_out_attempts(record: Mapping[str, Any], *, beside: GraspDataset) -> lis
     held, _ = split_held_out(attempts, chosen, settings["holdout"], generator)
     if len(held) != expected:
         raise HeldOutError(f"drawn again, {len(held)} inputs are held out, expected the {expected} of the record")
-    return list(_by_part(parts, attempts, held))
+    return list(_by_part(parts, attempts, chosen, held))
 
 
 def _opened(origins: list[dict[str, Any]], beside: GraspDataset) -> Iterator[tuple[GraspDataset, Viewpoint]]:
@@ -90,10 +92,17 @@ def _chosen(record: Mapping[str, Any], parts: list[tuple[GraspDataset, Viewpoint
 def _by_part(
     parts: list[tuple[GraspDataset, Viewpoint, pd.DataFrame]],
     attempts: pd.Index[str],
+    chosen: NDArray[np.int64],
     held: NDArray[np.int64],
 ) -> Iterator[HeldOut]:
     start = 0
     for dataset, viewpoint, rows in parts:
         own = held[(held >= start) & (held < start + len(rows))]
-        yield HeldOut(dataset=dataset, viewpoint=viewpoint, attempts=tuple(map(str, attempts[own])))
+        used = chosen[(chosen >= start) & (chosen < start + len(rows))]
+        yield HeldOut(
+            dataset=dataset,
+            viewpoint=viewpoint,
+            attempts=tuple(map(str, attempts[own])),
+            learnt=tuple(map(str, attempts[np.setdiff1d(used, own)])),
+        )
         start += len(rows)

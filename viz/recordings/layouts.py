@@ -113,15 +113,19 @@ def picture_bounds(width_px: int, height_px: int) -> rrb.VisualBounds2D:
     return rrb.VisualBounds2D(x_range=(0, width_px), y_range=(0, height_px))
 
 
-def input_views(size_px: int) -> rrb.Horizontal:
+def input_views(size_px: int, *, root: str = "", name: str | None = None) -> rrb.Horizontal:
     """The network's input: colour, and height above the mean plane."""
     return rrb.Horizontal(
         *(
             rrb.Spatial2DView(
-                name=name, origin=origin, background=BACKGROUND, visual_bounds=picture_bounds(size_px, size_px)
+                name=title,
+                origin=f"{root}/{origin}",
+                background=BACKGROUND,
+                visual_bounds=picture_bounds(size_px, size_px),
             )
-            for name, origin in (("Input · colour", "/input/rgb"), ("Input · height", "/input/height"))
-        )
+            for title, origin in (("Input · colour", "input/rgb"), ("Input · height", "input/height"))
+        ),
+        name=name,
     )
 
 
