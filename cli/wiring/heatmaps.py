@@ -195,8 +195,7 @@ def _grasp(dataset: GraspDataset, attempt: str, frame: RgbdFrame) -> Step | None
     pose = dataset.rows([attempt], names).loc[attempt, names].to_numpy(dtype=np.float64)
     if not np.isfinite(pose).all():
         return None
-    x_m, y_m, angle_rad = pose.tolist()
-    goal = PlanarPose(x_m=x_m, y_m=y_m, angle_rad=angle_rad)
+    goal = PlanarPose(x_m=float(pose[0]), y_m=float(pose[1]), angle_rad=float(pose[2]))
     step = PlanarPose.from_pose_base_tool(frame.pose_base_tool).step_to(goal)
     return step.dx_m, step.dy_m, step.dangle_rad
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import Final
 
@@ -10,6 +9,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from handsight.viz.examples import ForesightOverview, HeatmapExample
+from handsight.viz.heat_look import axial_deg
 from handsight.viz.recordings.layouts import BACKGROUND, input_views, picture_bounds
 from handsight.viz.recordings.overview import overview_layout
 from handsight.viz.recordings.recording import paused_layout
@@ -111,13 +111,13 @@ def _depth_view(root: str, example: HeatmapExample) -> rrb.Spatial2DView:
 
 
 def _plot(root: str, example: HeatmapExample) -> rrb.TimeSeriesView:
-    first, last = (round(math.degrees(example.maps.angles_rad[at])) for at in (0, -1))
+    last = max(axial_deg(angle_rad) for angle_rad in example.maps.angles_rad.tolist())
     return rrb.TimeSeriesView(
         name="Best S by angle [°]",
         origin=f"{root}/plots",
         axis_x=rrb.TimeAxis(
             view_range=rr.TimeRange(
-                start=rr.TimeRangeBoundary.absolute(seq=first), end=rr.TimeRangeBoundary.absolute(seq=last + 1)
+                start=rr.TimeRangeBoundary.absolute(seq=0), end=rr.TimeRangeBoundary.absolute(seq=last + 1)
             )
         ),
         axis_y=rrb.ScalarAxis(range=(-0.05, 1.05)),

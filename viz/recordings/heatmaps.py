@@ -1,7 +1,8 @@
 """Heatmaps at all angles as a Rerun recording: where the network would grasp, and how turned.
 
-The slider is the timeline ``angle_deg``, the turn of the gripper. Each example has a tab and the entities below its
-number, ``/000`` for the first; an overview of many attempts, where there is one, comes before them:
+The slider is the timeline ``angle_deg``, the turn of the gripper from 0 to 179 degrees: by half a turn more, equal jaws
+stand as before. Each example has a tab and the entities below its number, ``/000`` for the first; an overview of many
+attempts, where there is one, comes before them:
 
     picture/{rgb, muted, shaded}            the picture; the same and its depth, muted, to lie under heat
     picture/{heat, contour, jaws, turn, text}       at the angle of the slider: scores, threshold, best pose, its angle
@@ -31,7 +32,7 @@ from handsight.servoing.prepared_view import PreparedView
 from handsight.viz import palette
 from handsight.viz.errors import RecordingError
 from handsight.viz.examples import ForesightOverview, HeatmapExample, heatmap_faults
-from handsight.viz.heat_look import angle_rgba, contours, muted, shaded_depth, strokes
+from handsight.viz.heat_look import angle_rgba, axial_deg, contours, muted, shaded_depth, strokes
 from handsight.viz.pixels import CENTRE_PX, PictureFrame, Step, best_step
 from handsight.viz.recordings.encoding import (
     DEPTH_UNIT_M,
@@ -90,8 +91,9 @@ def log_heatmaps(stream: rr.RecordingStream, root: str, example: HeatmapExample)
     _log_over_angles(stream, root, example)
     surface = HeatSurface.of(example.view)
     surface.log_shape(stream, f"{root}/table/surface")
-    for index, angle_rad in enumerate(example.maps.angles_rad.tolist()):
-        stream.set_time(HEAT_TIMELINE, sequence=round(math.degrees(angle_rad)))
+    turns_deg = {axial_deg(angle_rad): index for index, angle_rad in enumerate(example.maps.angles_rad.tolist())}
+    for turn_deg, index in sorted(turns_deg.items()):
+        stream.set_time(HEAT_TIMELINE, sequence=turn_deg)
         _log_angle(stream, root, example, example.maps.at(index), surface)
     stream.disable_timeline(HEAT_TIMELINE)
 
@@ -155,7 +157,7 @@ def _log_over_angles(stream: rr.RecordingStream, root: str, example: HeatmapExam
     step = best_step(example.heatmap, frame)
     best = f"{picture}/best"
     log_jaws(stream, f"{best}/jaws", frame, step, width_m=example.jaws_m, colour=palette.CHOSEN, static=True)
-    text = f"S {float(maps.best.max()):.2f} at {math.degrees(step[2]):+.0f}°"
+    text = f"S {float(maps.best.max()):.2f} at {axial_deg(step[2])}°"
     log_label(stream, f"{best}/text", frame, [step], text, width_m=example.jaws_m, static=True)
     hues = angle_rgba(maps.best_angle_rad, maps.best)
     log_placed(stream, f"{picture}/angles", highest, png(hues, draw_order=OVERLAY_ORDER), static=True)
@@ -196,7 +198,7 @@ def _log_turn(stream: rr.RecordingStream, path: str, angle_rad: float) -> None:
             [[CORNER_PX + 96, CORNER_PX - 12]],
             radii=[0.0],
             colors=[palette.HERE],
-            labels=[f"jaws at {math.degrees(angle_rad):+.0f}°"],
+            labels=[f"jaws at {axial_deg(angle_rad)}°"],
             show_labels=True,
             draw_order=LABEL_ORDER,
         ),

@@ -29,9 +29,9 @@ def score_scale(width_px: int, *, name: str, threshold: float) -> bytes:
 
 def angle_scale(width_px: int, *, name: str) -> bytes:
     """Colours of angles over half a turn: a PNG, HEIGHT_PX high."""
-    colours = angle_rgb(np.radians(np.linspace(-90, 90, 256)))[None]
-    ticks = {float(value): f"{value:+d}°" if value else "0°" for value in (-90, -45, 0, 45, 90)}
-    return _strip(width_px, colours, (-90.0, 90.0), ticks, name=name, mark=math.nan)
+    colours = angle_rgb(np.radians(np.linspace(0, 180, 256)))[None]
+    ticks = {float(value): f"{value}°" for value in (0, 45, 90, 135, 180)}
+    return _strip(width_px, colours, (0.0, 180.0), ticks, name=name, mark=math.nan)
 
 
 def _strip(
