@@ -19,6 +19,8 @@ from handsight.viz.pixels import place_heatmap
 JPEG_QUALITY = 85
 DEPTH_UNIT_M = 0.001
 """Unit of encoded depth where the camera's own is not known [m]."""
+MOST_DIFFERENCE = 0.5
+"""Difference of colours at which the colours that show it end; black and white differ by 1."""
 SCORE_UNITS = 65535.0
 """Of encoded scores from 0 to 1."""
 OVERLAY_ORDER = 10.0
@@ -66,6 +68,17 @@ def height_image(inputs_depth_m: NDArray[np.float32], *, top_m: float) -> rr.Dep
         meter=1.0,
         colormap="Viridis",
         depth_range=(0.0, top_m),
+        magnification_filter="Nearest",
+    )
+
+
+def difference_image(difference: NDArray[np.float32]) -> rr.DepthImage:
+    """How much two pictures differ, from 0 to 1. (size, size)."""
+    return rr.DepthImage(
+        np.asarray(difference, dtype=np.float32),
+        meter=1.0,
+        colormap="Inferno",
+        depth_range=(0.0, MOST_DIFFERENCE),
         magnification_filter="Nearest",
     )
 

@@ -71,7 +71,7 @@ def _example_tab(number: int, example: HeatmapExample) -> rrb.Container:
                     _plot(root, example),
                 ),
                 rrb.TextDocumentView(name="About", origin=f"{root}/text"),
-                row_shares=[0.5, 0.5],
+                row_shares=[0.42, 0.58],
             ),
             column_shares=[0.3, 0.3, 0.4],
         ),
