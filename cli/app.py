@@ -105,6 +105,17 @@ NOUNS = (
         ("handsight servo --model runs/rgbd", "handsight servo --model runs/rgbd --method first-order --trial 7"),
         kept="no recording was written",
     ),
+    LazyCommand("view", "view.app:view_app", "Browse datasets in the Rerun viewer."),
+    LazyCommand(
+        "review",
+        "review:review_command",
+        "Decide about attempts one by one, by single keys.",
+        (
+            "handsight review grasps --suspect -n 40",
+            "handsight review grasps --where 'width_final_m < 0.004' --model runs/rgbd",
+        ),
+        kept="what was decided is committed",
+    ),
     LazyCommand("objects", "objects:objects_app", "Object sets of the simulated station."),
 )
 _COMPLETE = "_HANDSIGHT_COMPLETE"

@@ -58,6 +58,7 @@ errors = Output(stderr=True)
 def print_json(value: Any) -> None:
     """One JSON value on standard output; dataclasses, times, paths and numpy numbers included."""
     sys.stdout.write(json.dumps(value, indent=2, default=_plain) + "\n")
+    sys.stdout.flush()  # Whoever reads it from a command that goes on waits for it.
 
 
 def _plain(value: Any) -> Any:

@@ -189,9 +189,17 @@ class GraspQualityNetwork(nn.Module):
 
     def forward(self, inputs: Tensor) -> Tensor:
         """Logits for inputs as made by ``predict_inputs``. (B, 4, size, size) -> (B,)."""
-        x = (inputs[:, self._picked] - self.get_buffer("shift")) / self.get_buffer("scale")  # (B, C, size, size)
-        logits: Tensor = self.head(self.features(x))
+        logits: Tensor = self.head(self.features(self._normalised(inputs)))
         return logits[:, 0]
+
+    def hidden(self, inputs: Tensor) -> Tensor:
+        """What the last layer sees, of which it makes the logit. (B, 4, size, size) -> (B, D)."""
+        layers: Tensor = self.head[:-1](self.features(self._normalised(inputs)))
+        return layers
+
+    def _normalised(self, inputs: Tensor) -> Tensor:
+        """The channels that are read, of order one. (B, 4, size, size) -> (B, C, size, size)."""
+        return (inputs[:, self._picked] - self.get_buffer("shift")) / self.get_buffer("scale")
 
 
 def _lecun(layer: nn.Linear) -> nn.Linear:

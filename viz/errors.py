@@ -3,6 +3,8 @@
 VizError
 ├── RecordingError (ValueError)        something that cannot be drawn: nothing in it, or parts that do not match
 ├── FigureError (ValueError)           rows or pictures of which no figure can be made
+├── BrowserError (ValueError)          nothing to browse, or no place to serve it at
+├── ViewerError (RuntimeError)         no window or page can be opened here
 └── ScreenshotError (RuntimeError)     the headless viewer gave no picture
     └── NoVulkanError                  no Vulkan driver for the viewer to draw with
 """
@@ -18,6 +20,14 @@ class RecordingError(VizError, ValueError):
 
 class FigureError(VizError, ValueError):
     """Rows or pictures of which no figure can be made."""
+
+
+class BrowserError(VizError, ValueError):
+    """Nothing to browse, or no place to serve it at."""
+
+
+class ViewerError(VizError, RuntimeError):
+    """No window or page can be opened here."""
 
 
 class ScreenshotError(VizError, RuntimeError):

@@ -140,6 +140,15 @@ COMMANDS = (
         "List likely label issues, lowest label quality first.",
         ("handsight dataset suspect grasps -n 40 --rrd issues.rrd",),
     ),
+    LazyCommand(
+        "similar",
+        "dataset.similar:similar",
+        "List attempts that a network finds alike.",
+        (
+            "handsight dataset similar grasps 92 --model runs/rgbd",
+            "handsight dataset similar grasps --groups --model runs/rgbd",
+        ),
+    ),
     # Check and repair.
     LazyCommand(
         "doctor",

@@ -19,13 +19,14 @@ from handsight.datasets.curation.curator import Curator
 from handsight.datasets.curation.saved_filters import save_filter
 
 READS = "clearance|dataset decisions|dataset diff|dataset doctor|dataset info|dataset log|dataset verify|objects ls"
-DRAWS = "collect picture|dataset ls|dataset show|dataset stats|dataset suspect|heatmap|prediction|servo"
+DRAWS = "collect picture|dataset ls|dataset show|dataset stats|dataset suspect|heatmap|prediction|servo|view dataset"
 ADDS = "ablate plot|collect sim|dataset export|dataset init|dataset materialize|dataset release|evaluate"
 UNTRIED = {
     **dict.fromkeys(READS.split("|"), "changes nothing"),
-    **dict.fromkeys(("ablate status", "runs compare", "runs ls", "runs show"), "changes nothing"),
+    **dict.fromkeys(("ablate status", "dataset similar", "runs compare", "runs ls", "runs show"), "changes nothing"),
     **dict.fromkeys(DRAWS.split("|"), "changes nothing but a picture or recording, which the same call makes again"),
     **dict.fromkeys(ADDS.split("|"), "adds something where nothing was, or behind what is there"),
+    "review": "every decision is made by a key, and taken back by another",
     "demo": "goes on in a folder of its own, and begins nothing anew that is there",
 }
 """Commands without ``--dry-run``, and why they need none."""
@@ -81,13 +82,16 @@ LONG = {
     "clearance",
     "crossval",
     "collect sim",
+    "dataset similar",
     "dataset suspect",
     "demo",
     "evaluate",
     "heatmap",
     "prediction",
+    "review",
     "servo",
     "tune",
+    "view dataset",
 }
 """Their JSON is read by tests of their own."""
 
@@ -131,7 +135,12 @@ REFUSED = (
     "dataset verify {nowhere}",
     "demo --out {file}",
     "evaluate --model {nowhere}",
+    "dataset similar {nowhere} 1 --model {nowhere}",
     "heatmap {data} --model {nowhere}",
+    "review {nowhere}",
+    "review {data}@v1 --no-viewer",
+    "view dataset {nowhere}",
+    "view dataset {data} --picture {nowhere}/x.png",
     "objects import {nowhere} --name x",
     "prediction --model {nowhere}",
     "runs compare {nowhere} {nowhere}",

@@ -40,6 +40,7 @@ NOTHING = {
     "collect picture": "--out {nowhere}/x.png",
     "collect sim": "/proc/grasps",
     "dataset expire": "{nowhere} --older-than 1d",
+    "dataset similar": "{nowhere} 1 --model {nowhere}",
     "demo": "--out {file}",
     "evaluate": "--model {nowhere}",
     "heatmap": "{nowhere} --model {nowhere}",

@@ -28,7 +28,9 @@ def check_recording_path(path: Path) -> None:
 
 
 @contextmanager
-def write_recording(path: Path, *, kind: str, name: str, blueprint: rrb.Blueprint) -> Iterator[rr.RecordingStream]:
+def write_recording(
+    path: Path, *, kind: str, name: str, blueprint: rrb.Blueprint | None, title: str | None = None
+) -> Iterator[rr.RecordingStream]:
     """A stream into ``path``, which appears there only when the block ends without an error.
 
     Recordings carry no wall-clock timeline, start time or host name: equal content gives equal tables.
@@ -36,8 +38,9 @@ def write_recording(path: Path, *, kind: str, name: str, blueprint: rrb.Blueprin
     Args:
         path: The ``.rrd`` file; an existing one is replaced.
         kind: Application id. The viewer remembers one layout per kind.
-        name: Recording id and title.
-        blueprint: The layout, stored in the file.
+        name: Recording id, and title unless another is given.
+        blueprint: The layout, stored in the file; None where whoever shows the recording has one.
+        title: What people see of it in lists.
 
     Raises:
         RecordingError: As for :func:`check_recording_path`.
@@ -50,7 +53,7 @@ def write_recording(path: Path, *, kind: str, name: str, blueprint: rrb.Blueprin
             recording.set_log_time_enabled(False)
             recording.set_log_tick_enabled(False)
             recording.save(unfinished, default_blueprint=blueprint)
-            recording.send_recording_name(name)
+            recording.send_recording_name(name if title is None else title)
             yield recording
         finally:
             recording.disconnect()

@@ -23,6 +23,9 @@ OBJECT_HEIGHT_M = 0.006
 """Surface higher than this belongs to an object; below it is table and noise."""
 STRIDE_PX = 2
 """Every how many pixels of the overhead picture the height field has a vertex."""
+POINT_STRIDE_PX = 4
+"""The same of a cloud of points: a recording that holds a picture twice would be twice as large."""
+POINT_RADIUS_M = 0.0016
 ON_TABLE = np.array([1, 1, 0], dtype=np.float32)
 """Drops a point to the table top."""
 WALL_SHADE = 0.6
@@ -103,10 +106,23 @@ def table_colour(field: HeightField) -> palette.Rgb:
 
 
 def log_scene(
-    recording: rr.RecordingStream, overhead: RgbdFrame, spec: StationSpec, scene: SceneObjects | None
+    recording: rr.RecordingStream,
+    overhead: RgbdFrame,
+    spec: StationSpec,
+    scene: SceneObjects | None,
+    *,
+    points: bool = False,
 ) -> None:
-    """Log table and objects, for all time."""
-    field = back_project(overhead, spec)
+    """Log table and objects, for all time.
+
+    Args:
+        recording: Where to.
+        overhead: The picture that saw them.
+        spec: Of the station that took it.
+        scene: Where the objects came to rest, where that is known.
+        points: Whether what was measured is drawn as it is, point by point, instead of as surfaces with walls.
+    """
+    field = back_project(overhead, spec, stride_px=POINT_STRIDE_PX if points else STRIDE_PX)
     x_m, y_m = overhead.pose_base_tool[:2, 3]
     recording.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     recording.log(
@@ -119,8 +135,10 @@ def log_scene(
         ),
         static=True,
     )
-    mesh = objects_mesh(field)
-    if mesh is not None:
+    if points:
+        cloud = rr.Points3D(field.points_m[field.valid], colors=field.rgb[field.valid], radii=[POINT_RADIUS_M])
+        recording.log("world/objects/seen", cloud, static=True)
+    elif (mesh := objects_mesh(field)) is not None:
         recording.log("world/objects/seen", mesh, static=True)
     if scene is not None:
         _log_pins(recording, spec, scene)

@@ -6,15 +6,9 @@ while it already draws, so a screenshot counts only once two in a row look the s
 
 from __future__ import annotations
 
-import io
-import os
-import socket
-import subprocess
-import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TypeVar
 
@@ -23,14 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 from rerun.experimental import ViewerClient
 
-from handsight.jobs.processes import bound_command
-from handsight.viz.errors import NoVulkanError, ScreenshotError
+from handsight.viz.errors import ScreenshotError
+from handsight.viz.recordings.viewer_process import free_port, running_viewer
 
-NO_VULKAN_SIGNS = ("No graphics adapter", "Failed to get render context")
-QUIET = {"RERUN_APP_ONLY": "true", "RUST_LOG": "error"}
-"""No question about analytics, and no notices over the picture."""
 MEMORY_LIMIT = "1GB"
-START_LIMIT_S = 30.0
 PICTURE_LIMIT_S = 90.0
 POLL_S = 0.1
 BETWEEN_SHOTS_S = 0.6
@@ -67,61 +57,34 @@ def save_screenshots(recording: Path, shots: Mapping[int, Path], *, timeline: st
         raise ScreenshotError(f"the viewer could not draw {recording.name} as intended: {'; '.join(reports)}")
 
 
+def save_address_picture(address: str, path: Path) -> None:
+    """Save a picture of the viewer, 1920x1080 PNG, once what an address shows is there.
+
+    Args:
+        address: What the viewer opens: ``rerun+http://...``.
+        path: The file to write.
+
+    Raises:
+        ScreenshotError: The viewer showed no steady picture.
+        NoVulkanError: The viewer found no graphics driver.
+    """
+    with _viewer() as viewer:
+        patiently(lambda: viewer.open(address), time.monotonic() + PICTURE_LIMIT_S, f"open {address}")
+        while patiently(viewer.get_state, time.monotonic() + PICTURE_LIMIT_S, "load what it shows").loading:
+            time.sleep(POLL_S)
+        # Cards ask for their pictures only once they are drawn.
+        _steady_picture(viewer)
+        time.sleep(BETWEEN_SHOTS_S)
+        path.write_bytes(_steady_picture(viewer))
+
+
 @contextmanager
 def _viewer() -> Iterator[ViewerClient]:
     """A headless viewer, reachable from this machine only, that ends with the block whatever happens in it."""
-    port = _free_port()
-    command = [str(_viewer_binary()), "--headless", "--hide-welcome-screen", "--bind", "127.0.0.1", "--port", str(port)]
-    command += ["--memory-limit", MEMORY_LIMIT]
-    with tempfile.TemporaryFile() as log:
-        process = subprocess.Popen(bound_command(command), stdout=log, stderr=log, env={**os.environ, **QUIET})
-        try:
-            _wait_until_listening(process, port, log)
-            yield ViewerClient.connect(f"rerun+http://127.0.0.1:{port}/proxy")
-        except ConnectionError as error:
-            raise _diagnosis(log) from error
-        finally:
-            process.kill()
-            process.wait()
-
-
-def _viewer_binary() -> Path:
-    """The viewer itself: the command ``rerun`` is a wrapper, and killing it leaves the viewer running."""
-    package = find_spec("rerun_cli")
-    if package is None or package.origin is None:
-        raise ScreenshotError(
-            "the package rerun_cli is missing, expected it to come with rerun-sdk; reinstall rerun-sdk"
-        )
-    return Path(package.origin).with_name("rerun")
-
-
-def _free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
-        return port
-
-
-def _wait_until_listening(process: subprocess.Popen[bytes], port: int, log: io.BufferedRandom) -> None:
-    deadline = time.monotonic() + START_LIMIT_S
-    while process.poll() is None and time.monotonic() < deadline:
-        with socket.socket() as probe:
-            if probe.connect_ex(("127.0.0.1", port)) == 0:
-                return
-        time.sleep(POLL_S)
-    raise _diagnosis(log)
-
-
-def _diagnosis(log: io.BufferedRandom) -> ScreenshotError:
-    log.seek(0)
-    said = log.read().decode(errors="replace")
-    if any(sign in said for sign in NO_VULKAN_SIGNS):
-        return NoVulkanError(
-            "the Rerun viewer found no Vulkan driver to draw with; install one "
-            "(Debian and Ubuntu: apt-get install mesa-vulkan-drivers)"
-        )
-    last = said.strip().splitlines()[-1:] or ["nothing"]
-    return ScreenshotError(f"the Rerun viewer did not start or went away; the last it said was: {last[0]}")
+    port = free_port()
+    arguments = ["--headless", "--hide-welcome-screen", "--bind", "127.0.0.1", "--port", str(port)]
+    with running_viewer([*arguments, "--memory-limit", MEMORY_LIMIT], port):
+        yield ViewerClient.connect(f"rerun+http://127.0.0.1:{port}/proxy")
 
 
 def _open(viewer: ViewerClient, recording: Path) -> None:

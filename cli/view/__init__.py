@@ -1,0 +1,1 @@
+"""``handsight view``: what there is to look at in the Rerun viewer."""

@@ -1,0 +1,28 @@
+"""``handsight view``: its commands, one file for each of them."""
+
+from __future__ import annotations
+
+from handsight.cli.lazy import LazyCommand, LazyGroup, lazy_app
+
+COMMANDS = (
+    LazyCommand(
+        "dataset",
+        "view.dataset:dataset_command",
+        "Browse attempts as cards, and decide about them there.",
+        (
+            "handsight view dataset grasps",
+            "handsight view dataset grasps --where \"target == 'cup' and success\" --model runs/rgbd",
+            "handsight view dataset grasps --suspect --web",
+        ),
+        kept="what was decided is committed; thumbnails are kept for the next time",
+    ),
+)
+
+
+class ViewGroup(LazyGroup):
+    """Everything behind ``handsight view``."""
+
+    table = COMMANDS
+
+
+view_app = lazy_app(ViewGroup, help="Look at datasets, heatmaps and traces in the Rerun viewer.")
