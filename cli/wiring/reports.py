@@ -12,32 +12,22 @@ from typing import Any
 import handsight
 from handsight.cli.errors import CommandError
 from handsight.cli.opening import open_version
-from handsight.cli.output import progress_bar
-from handsight.cli.wiring.stations import sim_station
+from handsight.cli.wiring.heatmaps import HeatmapRequest, make_heatmaps
+from handsight.cli.wiring.replays import failure_blocks
 from handsight.cli.wiring.sweep_readme import command_of
-from handsight.collection.errors import CollectionError
 from handsight.datasets.address import DatasetAddress, looks_like_dataset
 from handsight.datasets.errors import DatasetError
 from handsight.datasets.reading.reader import GraspDataset
-from handsight.datasets.store.repository import GraspRepository
-from handsight.evaluation.errors import EvaluationError
-from handsight.evaluation.evaluate import TrialContextFactory, record_trial
-from handsight.servoing.loop import ServoSettings
-from handsight.servoing.methods.registry import METHODS
-from handsight.training.errors import TrainingError
 from handsight.training.run_folder import RUN_RECORD
-from handsight.training.run_record import origins_of, read_values
+from handsight.training.run_record import WEIGHTS_SHA256, origins_of, read_values
 from handsight.training.sweep.plan import read_plan
-from handsight.viz.errors import ReportError
-from handsight.viz.examples import HeatmapExample
-from handsight.viz.report.content import Block, Report, Section
+from handsight.viz.report.content import Report, Section
 from handsight.viz.report.dataset_part import dataset_section
 from handsight.viz.report.evaluation_part import evaluation_section
 from handsight.viz.report.folder import FolderContents, files_section, folder_contents, is_sweep
 from handsight.viz.report.heatmap_part import heatmap_section
 from handsight.viz.report.run_part import run_section
 from handsight.viz.report.sweep_part import sweep_section
-from handsight.viz.report.trial_gallery import failed_trials
 
 HEATMAPS = 4
 """Attempts whose heatmaps are drawn."""
@@ -92,7 +82,7 @@ def _sweep(folder: Path) -> Section:
 
 def _folder(folder: Path, settings: ReportSettings) -> Iterator[Section]:
     found = folder_contents(folder)
-    yield from _evaluations(folder, found, settings)
+    yield from _evaluations(found, settings)
     for path in found.sweeps:
         yield _sweep(path)
     for run in found.runs:
@@ -112,7 +102,6 @@ def _address(dataset: Path, found: FolderContents) -> str:
         for origin in origins_of(read_values(run / RUN_RECORD)):
             if _is_of(origin, dataset):
                 with suppress(DatasetError):
-                    GraspRepository.open(dataset)
                     address = f"{dataset}@{origin['ref']}"
                     GraspDataset.open(address)
                     return address
@@ -126,14 +115,24 @@ def _is_of(origin: dict[str, Any], dataset: Path) -> bool:
 
 
 def _heatmaps(run: Path, found: FolderContents) -> Section | None:
-    """Heatmaps of the last attempts of the data that a run was trained on, where they are beside it."""
-    from handsight.cli.wiring.heatmaps import heatmap_examples, latest_attempts
-
+    """Heatmaps of attempts that a run was trained on, where the data are beside it."""
     for dataset in found.datasets:
         if any(_is_of(origin, dataset) for origin in origins_of(read_values(run / RUN_RECORD))):
             address = _address(dataset, found)
             version = open_version(address)
-            if chosen := latest_attempts(version, HEATMAPS):
-                examples: list[HeatmapExample] = heatmap_examples(version, chosen, run)
-                return heatmap_section(examples, address=address, attempts=chosen, run=run)
+            with suppress(CommandError):  # No attempt has a picture, or a label.
+                made = make_heatmaps(version, run, HeatmapRequest(wrong=True, count=HEATMAPS))
+                return heatmap_section(made.examples, made.overview, address=address, run=run)
     return None
+
+
+def _evaluations(found: FolderContents, settings: ReportSettings) -> Iterator[Section]:
+    for path, results in found.evaluations:
+        run = next((one for one in found.runs if _weights_of(one) == results["weights_sha256"]), None)
+        blocks = failure_blocks(run, results, settings.replays) if run is not None else ()
+        yield evaluation_section(results, title=f"Evaluation {path.name}", failures=tuple(blocks))
+
+
+def _weights_of(run: Path) -> str | None:
+    weights: str | None = read_values(run / RUN_RECORD).get(WEIGHTS_SHA256)
+    return weights

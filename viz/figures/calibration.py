@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Final
 
 import matplotlib as mpl
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.ticker import PercentFormatter
 
 from handsight.datasets.errors import counted
@@ -57,7 +58,10 @@ def calibration_figure(rows: Sequence[CalibrationRow], path: Path) -> tuple[Path
                 _draw(axes, chosen, series, apart=SPREAD * (2 * at - len(methods) + 1))
             some = [row for row in rows if row["objects"] == objects]
             _dress(axes, objects, some)
-        handles = [mpl.lines.Line2D([], [], label=_label(name), **one.line()) for name, one in zip(methods, SERIES * 2)]
+        handles = [
+            Line2D([], [], label=_label(name), **series.line())
+            for name, series in zip(methods, cycle(SERIES), strict=False)
+        ]
         figure.legend(handles=handles, loc="outside upper left", ncols=3, frameon=False, fontsize=9)
         return save_figure(figure, path)
 

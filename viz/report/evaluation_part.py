@@ -191,7 +191,7 @@ def _calibration(results: dict[str, Any], command: str) -> Section | None:
 
 def _causes(results: dict[str, Any], command: str) -> list[Block]:
     rows = results["causes"]
-    names = [name for name in dict.fromkeys(cause for row in rows for cause in row["causes"])]
+    names = dict.fromkeys(cause for row in rows for cause in row["causes"])
     occurring = [name for name in names if any(row["causes"].get(name) for row in rows)]
     if not occurring:
         return [Note(text="No trial that counts failed.", command=f"{command} --causes")]

@@ -60,9 +60,7 @@ def folder_contents(folder: Path) -> FolderContents:
         sweeps=tuple(path for path in folders if is_sweep(path)),
         evaluations=tuple(_evaluations(files)),
         recordings=tuple(path for path in files if path.suffix.lower() == ".rrd"),
-        pictures=tuple(
-            path for path in files if path.suffix.lower() in PICTURES and path.name.lower() not in _REDRAWN
-        ),
+        pictures=tuple(path for path in files if path.suffix.lower() in PICTURES and path.name.lower() not in _REDRAWN),
     )
     if found == FolderContents():
         raise ReportError(

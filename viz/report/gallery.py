@@ -70,7 +70,7 @@ def _picture(dataset: GraspDataset, attempt: str, stats: LabelStats, name: str) 
         return None
     target = str(dataset.rows([attempt], ["target"])["target"].iloc[0])
     share = next((one for one in stats.objects if one.name == target), None)
-    often = "" if share is None else f", which succeeds in {percent(share.rate)} of {counted(share.attempts, 'attempt')}"
+    often = "" if share is None else f", held in {percent(share.rate)} of {counted(share.attempts, 'attempt')}"
     what = "an unknown object" if share is None else target
     reading_mm = 1e3 * recorded.gripper.final_m
     ended = f"final opening {reading_mm:.1f} mm" if np.isfinite(reading_mm) else "no final opening was read"
@@ -91,11 +91,19 @@ def attempted_picture(attempt: GraspAttempt, frame: RgbdFrame, station: StationS
     view = station_view(frame, station)
     picture = PictureFrame(camera=view.camera, plane_m=view.plane_m)
     drawn = (step.dx_m, step.dy_m, step.dangle_rad)
-    return marked_picture(frame.rgb, picture, drawn, width_m=station.gripper_stroke_m, colour=palette.EMPTY, dashed=True)
+    return marked_picture(
+        frame.rgb, picture, drawn, width_m=station.gripper_stroke_m, colour=palette.EMPTY, dashed=True
+    )
 
 
 def marked_picture(
-    rgb: NDArray[np.uint8], frame: PictureFrame, step: Step, *, width_m: float, colour: palette.Rgb, dashed: bool = False
+    rgb: NDArray[np.uint8],
+    frame: PictureFrame,
+    step: Step,
+    *,
+    width_m: float,
+    colour: palette.Rgb,
+    dashed: bool = False,
 ) -> NDArray[np.uint8]:
     """A picture with open jaws after a step (dx [m], dy [m], dangle [rad]). (H, W, 3) -> (H, W, 3)."""
     marked = np.ascontiguousarray(rgb).copy()

@@ -42,7 +42,7 @@ def sweep_section(folder: Path, command: str) -> Section:
     results = cells.results(plan.cells())
     if not results:
         raise ReportError(
-            f"{folder} holds a sweep of which no cell is done, expected one at least: train some with 'handsight ablate'"
+            f"{folder} holds a sweep of which no cell is done, expected at least one: see 'handsight ablate --help'"
         )
     states = [cells.state(cell) for cell in plan.cells()]
     failed = [(cell.name, cells.failure(cell)) for cell in plan.cells() if cells.state(cell) == "failed"]
@@ -51,7 +51,9 @@ def sweep_section(folder: Path, command: str) -> Section:
     tally = {state: states.count(state) for state in ("done", "failed", "running", "left")}
     blocks = [_figure(rows, objects, plot), _rows(rows, plot), *_differences(sweep_differences(results), plot)]
     if failed:
-        blocks.append(Table(caption="Cells that failed", head=("cell", "why"), rows=tuple(failed), prose=frozenset({1})))
+        blocks.append(
+            Table(caption="Cells that failed", head=("cell", "why"), rows=tuple(failed), prose=frozenset({1}))
+        )
     return Section(
         title=f"Sweep {folder}",
         blocks=(_facts(plan, tally, command),),
