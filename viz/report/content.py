@@ -71,7 +71,8 @@ class Gallery:
     """Small pictures beside each other."""
 
     kind: ClassVar[str] = "gallery"
-    title: str
+    title: str = ""
+    """Its heading; empty where that of the section says it."""
     text: str
     """What is shown, and how it was chosen."""
     pictures: tuple[Figure, ...]

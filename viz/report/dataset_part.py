@@ -45,7 +45,7 @@ def dataset_section(dataset: GraspDataset, address: str) -> Section:
     parts = [_findings(dataset, name)]
     stats = label_stats(dataset)
     if stats.labelled:
-        parts.append(_labels(stats, address, name))
+        parts.append(_labels(dataset, stats, name))
     parts.append(_curation(dataset, facts, name))
     if (gallery := failed_attempts(dataset, stats, name)) is not None:
         parts.append(Section(title="Failed attempts", blocks=(gallery,)))
@@ -94,13 +94,14 @@ def _finding(one: Finding) -> tuple[str, ...]:
     return one.code, one.severity, concerned, one.message, ", ".join(one.attempts[:EXAMPLES]) + more or "–"
 
 
-def _labels(stats: LabelStats, address: str, name: str) -> Section:
+def _labels(dataset: GraspDataset, stats: LabelStats, name: str) -> Section:
+    title = f"{str(dataset.repository.path).rpartition('/')[2]}@{dataset.ref}"
     low, high = wilson_95(stats.successes, stats.labelled)
     rate = stats.successes / stats.labelled
     figure = Figure(
-        picture=embedded_svg(lambda path: stats_figure(stats, path, title=address)),
+        picture=embedded_svg(lambda path: stats_figure(stats, path, title=title)),
         alt=(
-            f"Panels of success rates of {address} by object, place on the table, grasp angle, final opening, contact "
+            f"Panels of success rates of {title} by object, place on the table, grasp angle, final opening, contact "
             f"force and time. Overall {percent(rate)} of {count(stats.labelled)} labelled attempts succeed. "
             "The numbers of the panels by object and session are in the tables below."
         ),

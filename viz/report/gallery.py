@@ -41,10 +41,10 @@ def failed_attempts(dataset: GraspDataset, stats: LabelStats, name: str) -> Gall
     if not pictures:
         return None
     return Gallery(
-        title=f"{counted(len(pictures), 'attempt')} that failed",
         text=(
-            "The latest failure at each object, the objects that fail most often first. The mark is the pair of open "
-            "jaws where the grasp was tried."
+            f"{counted(len(pictures), 'attempt')} that failed, the latest at each object, the objects that fail most "
+            "often first; where the grasp lies outside the picture, it is left out. The mark is the pair of open jaws "
+            "where the grasp was tried."
         ),
         pictures=tuple(pictures),
         command=f"handsight dataset ls {name} --where 'success == False'",
@@ -66,7 +66,8 @@ def _picture(dataset: GraspDataset, attempt: str, stats: LabelStats, name: str) 
         recorded, station = dataset.attempt(attempt), dataset.station(attempt)
     except CorruptDataError:
         return None  # The doctor names it; the others can still be seen.
-    if recorded.overhead is None:
+    frame = recorded.overhead
+    if frame is None or (marked := attempted_picture(recorded, frame, station)) is None:
         return None
     target = str(dataset.rows([attempt], ["target"])["target"].iloc[0])
     share = next((one for one in stats.objects if one.name == target), None)
@@ -75,18 +76,18 @@ def _picture(dataset: GraspDataset, attempt: str, stats: LabelStats, name: str) 
     reading_mm = 1e3 * recorded.gripper.final_m
     ended = f"final opening {reading_mm:.1f} mm" if np.isfinite(reading_mm) else "no final opening was read"
     return Figure(
-        picture=embedded_rgb(attempted_picture(recorded, recorded.overhead, station), width_px=WIDTH_PX),
+        picture=embedded_rgb(marked, width_px=WIDTH_PX),
         alt=f"Overhead picture of a failed attempt at {what}, the open jaws drawn in.",
         caption=f"{attempt}: {what}{often}; {recorded.failure or ended}.",
         command=f"handsight dataset show {name} {attempt}",
     )
 
 
-def attempted_picture(attempt: GraspAttempt, frame: RgbdFrame, station: StationSpec) -> NDArray[np.uint8]:
-    """A picture with the open jaws where the grasp was tried. (H, W, 3)."""
+def attempted_picture(attempt: GraspAttempt, frame: RgbdFrame, station: StationSpec) -> NDArray[np.uint8] | None:
+    """A picture with the open jaws where the grasp was tried, (H, W, 3); None where that is not in the picture."""
     goal = PlanarPose(x_m=attempt.pregrasp_x_m, y_m=attempt.pregrasp_y_m, angle_rad=attempt.pregrasp_angle_rad)
     if not np.isfinite([goal.x_m, goal.y_m, goal.angle_rad]).all():
-        return frame.rgb
+        return None
     step = PlanarPose.from_pose_base_tool(frame.pose_base_tool).step_to(goal)
     view = station_view(frame, station)
     picture = PictureFrame(camera=view.camera, plane_m=view.plane_m)

@@ -41,7 +41,7 @@ def heatmap_section(
                 "Above what the camera saw, with the best grasp; in the middle predicted success, from dark (none) to "
                 "yellow (sure); below depth, the nearer the darker (figure 8 of the paper)."
             ),
-            command=f"{command} --picture heatmaps.png",
+            command=f"{command} --wrong -n {len(examples)} --picture heatmaps.png",
         )
     ]
     if overview is None or not overview.wrong:
