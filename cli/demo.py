@@ -14,7 +14,6 @@ from typing import Annotated, Any
 import typer
 
 from handsight.cli.collect import collect_with_progress
-from handsight.cli.heatmap import heatmap_examples, latest_attempts
 from handsight.cli.opening import check_out_folder
 from handsight.cli.options import (
     DEFAULT_GRIPPER,
@@ -33,6 +32,7 @@ from handsight.cli.servo import write_trace
 from handsight.cli.train import describe, train_to_folder
 from handsight.cli.wiring.evaluation_tables import print_results
 from handsight.cli.wiring.evaluations import evaluate_model
+from handsight.cli.wiring.heatmaps import HeatmapRequest, make_heatmaps
 from handsight.cli.wiring.stations import sim_station
 from handsight.collection.collector import CollectSettings
 from handsight.datasets.atomic import atomic_file
@@ -208,7 +208,8 @@ def _record(
 ) -> None:
     _headline("4  Write the recordings and the figure", tell)
     dataset = GraspDataset.open(f"{paths.dataset}@{release}")
-    write_heatmaps(paths.heatmaps, heatmap_examples(dataset, latest_attempts(dataset, 8), paths.run))
+    made = make_heatmaps(dataset, paths.run, HeatmapRequest(wrong=True))
+    write_heatmaps(paths.heatmaps, made.examples, made.overview)
     factory = TrialContextFactory(open_station=sim_station(NOVEL_OBJECTS, gripper=gripper), run=paths.run)
     number = _most_telling_trial(results["trials"])
     with suppress(TrialAbortedError):  # The best trial is one only where all were; the results have said why.

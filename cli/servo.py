@@ -96,6 +96,7 @@ def write_trace(
     out: Path, recording: TrialRecording, model: Path, outside: list[NDArray[np.uint8]] | None = None
 ) -> None:
     """Write the recording, with a heatmap for every step, and a picture from outside where there are any."""
+    from handsight.collection.sim.arm_shape import Ur10Shape
     from handsight.servoing.heatmap import grasp_heatmap
     from handsight.training.run import load_scorer
     from handsight.viz.recordings.servo_trace import write_servo_trace
@@ -106,4 +107,4 @@ def write_trace(
         for step in recording.trace.steps:
             heatmaps.append(grasp_heatmap(step.view, scorer))
             bar.advance()
-    write_servo_trace(out, recording, heatmaps, outside)
+    write_servo_trace(out, recording, heatmaps, outside, Ur10Shape())

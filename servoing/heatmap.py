@@ -35,7 +35,14 @@ class Heatmap:
     """Turn of the gripper against its current angle at which the map was made."""
 
 
-def grasp_heatmap(view: View, scorer: GraspScorer, *, spacing_px: int = 8, angle_rad: float = 0.0) -> Heatmap:
+def grasp_heatmap(
+    view: View,
+    scorer: GraspScorer,
+    *,
+    spacing_px: int = 8,
+    angle_rad: float = 0.0,
+    view_plane_m: float | None = None,
+) -> Heatmap:
     """Score translations over the whole picture, all with the same turn.
 
     Args:
@@ -43,11 +50,26 @@ def grasp_heatmap(view: View, scorer: GraspScorer, *, spacing_px: int = 8, angle
         scorer: The network.
         spacing_px: Raw pixels between points. Without a turn it is rounded to whole pixels of the network's input
             (6.25 raw ones for 64 from 400), because all of those are scored in one pass.
-        angle_rad: Turn of the gripper against its current angle.
+        angle_rad: Turn of the gripper against its current angle. ``angle_maps`` has many at once.
+        view_plane_m: Distance of the plane at the height where grasps begin [m], for a picture that was taken at
+            another one; None means that it was taken there.
 
     Raises:
         ServoSettingsError: The spacing is not positive, or no point of it lies in the picture.
         ScoreError: A score is not in [0, 1].
+    """
+    every = lattice_spacing(view, scorer, spacing_px, view_plane_m=view_plane_m)
+    objective = Objective(view, scorer, view_plane_m=view_plane_m)
+    if angle_rad == 0:
+        return heatmap_of_sweep(view, objective.sweep(0.0, every=every))
+    return _brute_force(view, objective, spacing_px, angle_rad)
+
+
+def lattice_spacing(view: View, scorer: GraspScorer, spacing_px: int, *, view_plane_m: float | None) -> int:
+    """Pixels of the network's input nearest to a spacing in raw ones, at least 1.
+
+    Raises:
+        ServoSettingsError: The spacing is not positive, or no point of it lies in the picture.
     """
     k = view.camera.intrinsics
     if not 1 <= spacing_px <= min(k.width, k.height):
@@ -55,16 +77,14 @@ def grasp_heatmap(view: View, scorer: GraspScorer, *, spacing_px: int = 8, angle
             f"heatmap spacing is {spacing_px} px, expected at least 1 and at most {min(k.width, k.height)}, the "
             "shorter side of the picture"
         )
-    objective = Objective(view, scorer)
     pitch_px = scorer.grid.crop_px / scorer.grid.size_px
-    every = max(1, round(spacing_px / pitch_px))
-    if angle_rad == 0:
-        return _on_the_lattice(view, objective.sweep(0.0, every=every))
-    return _brute_force(view, objective, spacing_px, angle_rad)
+    if view_plane_m is not None:
+        pitch_px *= view_plane_m / view.plane_m
+    return max(1, round(spacing_px / pitch_px))
 
 
-def _on_the_lattice(view: View, swept: Sweep) -> Heatmap:
-    """Without a turn the lattice's rows and columns are the picture's."""
+def heatmap_of_sweep(view: View, swept: Sweep) -> Heatmap:
+    """The map of a sweep without a turn: its lattice's rows and columns are the picture's."""
     k, plane_m = view.camera.intrinsics, view.plane_m
     columns_px = (swept.steps[0, :, 0] - view.camera.x_tool_camera_m) * k.fx / plane_m + k.cx
     rows_px = (swept.steps[:, 0, 1] - view.camera.y_tool_camera_m) * k.fy / plane_m + k.cy

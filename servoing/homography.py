@@ -100,7 +100,15 @@ def predict_inputs(view: PreparedView, steps: Tensor, *, grid: InputGrid, view_p
     return _resampled(view, maps, width_px=grid.size_px, height_px=grid.size_px)
 
 
-def predict_picture(view: PreparedView, step: Tensor, *, grid: InputGrid, width_px: int, height_px: int) -> Tensor:
+def predict_picture(
+    view: PreparedView,
+    step: Tensor,
+    *,
+    grid: InputGrid,
+    width_px: int,
+    height_px: int,
+    view_plane_m: float | None = None,
+) -> Tensor:
     """A picture larger than a network input whose every crop is the input of a step; edges are replicated.
 
     The crop that begins at (row, column) is the input predicted for ``step`` moved by so many network pixels along the
@@ -112,6 +120,7 @@ def predict_picture(view: PreparedView, step: Tensor, *, grid: InputGrid, width_
         grid: Crop and size of the network input.
         width_px: Columns of the picture, in network pixels.
         height_px: Its rows.
+        view_plane_m: Distance of the plane in the predicted picture; None means the height does not change.
 
     Returns:
         Channels as of :func:`predict_inputs`. Shape (4, height, width).
@@ -120,7 +129,8 @@ def predict_picture(view: PreparedView, step: Tensor, *, grid: InputGrid, width_
         StepError: The step has another shape or type.
     """
     _check_steps(step[None])
-    maps = raw_from_input(view.camera, step[None], plane_m=view.plane_m, view_plane_m=view.plane_m, grid=grid)
+    plane_m = view.plane_m if view_plane_m is None else view_plane_m
+    maps = raw_from_input(view.camera, step[None], plane_m=view.plane_m, view_plane_m=plane_m, grid=grid)
     return _resampled(view, maps, width_px=width_px, height_px=height_px)[0]
 
 

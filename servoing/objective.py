@@ -16,8 +16,16 @@ from handsight.servoing.view import View
 class Objective:
     """S(dp) = Q(f(I_p, dp)) for one picture I_p."""
 
-    def __init__(self, view: View, scorer: GraspScorer) -> None:
-        """Prepare ``view`` once; every call then costs one resampling and one network pass for the whole batch."""
+    def __init__(self, view: View, scorer: GraspScorer, *, view_plane_m: float | None = None) -> None:
+        """Prepare ``view`` once; every call then costs one resampling and one network pass for the whole batch.
+
+        Args:
+            view: The picture.
+            scorer: The network.
+            view_plane_m: Distance of the plane at the height where grasps begin [m], for a picture that was taken at
+                another one; None means that it was taken there.
+        """
+        self._view_plane_m = view_plane_m
         self._prepared = PreparedView.from_view(view, pixels_per_cell=scorer.grid.pixels_per_cell)
         self._scorer = scorer
         self._here = self.inputs(self._prepared.channels.new_zeros(1, 3))
@@ -44,11 +52,11 @@ class Objective:
             ServoSettingsError: The spacing is not positive, or the angle is not finite.
             ScoreError: A score is not in [0, 1].
         """
-        return sweep(self._prepared, self._scorer, angle_rad=angle_rad, every=every)
+        return sweep(self._prepared, self._scorer, angle_rad=angle_rad, every=every, view_plane_m=self._view_plane_m)
 
     def inputs(self, steps: Tensor) -> Tensor:
         """The predicted pictures themselves. (B, 3) -> (B, 4, size, size)."""
-        return predict_inputs(self._prepared, steps, grid=self._scorer.grid)
+        return predict_inputs(self._prepared, steps, grid=self._scorer.grid, view_plane_m=self._view_plane_m)
 
     def scores(self, inputs: Tensor) -> Tensor:
         """Predicted success of predicted pictures. (B, 4, size, size) -> (B,).

@@ -31,6 +31,10 @@ class GraspScorer(Protocol):
 class MapScorer(GraspScorer, Protocol):
     """A scorer that can score all crops of a picture at once, for less than one by one."""
 
+    @property
+    def dense(self) -> bool:
+        """Whether it really does: a network whose borders are its own has to look at each crop by itself."""
+
     def score_map(self, picture: Tensor, *, every: int = 1) -> Tensor:
         """Scores of the windows of a picture at the resolution of the inputs, one at every ``every``-th pixel.
 

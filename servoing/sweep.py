@@ -35,7 +35,9 @@ class Sweep:
     """Which positions lie in the picture: a turned lattice has corners outside. Shape (R, C), bool."""
 
 
-def lattice(prepared: PreparedView, *, grid: InputGrid, angle_rad: float, every: int) -> Tensor:
+def lattice(
+    prepared: PreparedView, *, grid: InputGrid, angle_rad: float, every: int, view_plane_m: float | None = None
+) -> Tensor:
     """Steps to positions whole network pixels apart that cover the picture at one angle.
 
     Args:
@@ -43,6 +45,7 @@ def lattice(prepared: PreparedView, *, grid: InputGrid, angle_rad: float, every:
         grid: Crop and size of the network's input.
         angle_rad: The turn.
         every: Network pixels from one position to the next.
+        view_plane_m: Distance of the plane in the pictures to predict [m]; None means the height does not change.
 
     Returns:
         (dx [m], dy [m], dangle [rad]), float32. Shape (R, C, 3).
@@ -60,7 +63,7 @@ def lattice(prepared: PreparedView, *, grid: InputGrid, angle_rad: float, every:
         for x_m in (footprint.x_min_m, footprint.x_max_m)
         for y_m in (footprint.y_min_m, footprint.y_max_m)
     ]
-    pitch_m = every * grid.crop_px / grid.size_px * prepared.plane_m
+    pitch_m = every * grid.crop_px / grid.size_px * (prepared.plane_m if view_plane_m is None else view_plane_m)
     u_m = _centred([u for u, _ in corners], pitch_m / k.fx)  # (C,)
     v_m = _centred([v for _, v in corners], pitch_m / k.fy)  # (R,)
     v_grid, u_grid = torch.meshgrid(v_m, u_m, indexing="ij")  # (R, C)
@@ -68,15 +71,19 @@ def lattice(prepared: PreparedView, *, grid: InputGrid, angle_rad: float, every:
     return torch.stack([cos * u_grid - sin * v_grid, sin * u_grid + cos * v_grid, turned], dim=-1).float()
 
 
-def sweep(prepared: PreparedView, scorer: GraspScorer, *, angle_rad: float, every: int = 1) -> Sweep:
-    """Score every position of the lattice.
+def sweep(
+    prepared: PreparedView, scorer: GraspScorer, *, angle_rad: float, every: int = 1, view_plane_m: float | None = None
+) -> Sweep:
+    """Score every position of the lattice; arguments as of :func:`lattice`.
 
     Raises:
         ServoSettingsError: The spacing is not positive, or the angle is not finite.
         ScoreError: A score is not in [0, 1].
     """
     grid = scorer.grid
-    steps = lattice(prepared, grid=grid, angle_rad=angle_rad, every=every).to(prepared.channels.device)
+    steps = lattice(prepared, grid=grid, angle_rad=angle_rad, every=every, view_plane_m=view_plane_m).to(
+        prepared.channels.device
+    )
     rows, columns, _ = steps.shape
     picture = predict_picture(
         prepared,
@@ -84,11 +91,17 @@ def sweep(prepared: PreparedView, scorer: GraspScorer, *, angle_rad: float, ever
         grid=grid,
         width_px=every * (columns - 1) + grid.size_px,
         height_px=every * (rows - 1) + grid.size_px,
+        view_plane_m=view_plane_m,
     )
     scores = score_windows(scorer, picture, every=every)
     check_scores(scores.flatten().numpy(force=True), rows * columns)
     footprint = Footprint.of(prepared.camera, plane_m=prepared.plane_m)
     return Sweep(steps=steps, scores=scores, inside=footprint.contains(steps))
+
+
+def is_dense(scorer: GraspScorer) -> bool:
+    """Whether the scorer computes all windows of a picture together, not one by one."""
+    return isinstance(scorer, MapScorer) and scorer.dense
 
 
 def score_windows(scorer: GraspScorer, picture: Tensor, *, every: int) -> Tensor:

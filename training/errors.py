@@ -7,6 +7,7 @@ TrainingError
 ├── TrainingDataError (ValueError)      a dataset from which nothing can be learnt
 ├── MissingExtraError (ImportError)     something is asked for that needs a package which is not installed
 ├── DivergedError (ArithmeticError)     training that ended in numbers that are none
+├── HeldOutError (ValueError)           a run whose held-out attempts cannot be told
 ├── CheckpointError (ValueError)        a run folder that holds no usable checkpoint
 ├── SweepPlanError (ValueError)         a sweep that cannot be run, or not in this folder
 └── SweepFolderError (ValueError)       a folder that holds no usable sweep
@@ -39,6 +40,10 @@ class DivergedError(TrainingError, ArithmeticError):
 
 class MissingExtraError(TrainingError, ImportError):
     """Something is asked for that needs a package which is not installed."""
+
+
+class HeldOutError(TrainingError, ValueError):
+    """A run whose held-out attempts cannot be told."""
 
 
 class CheckpointError(TrainingError, ValueError):

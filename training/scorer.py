@@ -39,6 +39,11 @@ class Scorer:
         self._folded = folded(network, dtype=dtype_for(precision, network.get_buffer("shift").device))
         self.grid = grid
 
+    @property
+    def dense(self) -> bool:
+        """Whether maps are computed in one pass: without a border of zeros, which each window has of its own."""
+        return not self._folded.config.padded
+
     def __call__(self, inputs: Tensor) -> Tensor:
         """(B, 4, size, size) -> (B,). Gradients reach inputs that require them; otherwise nothing is kept for them."""
         with torch.set_grad_enabled(torch.is_grad_enabled() and inputs.requires_grad):
@@ -65,7 +70,6 @@ class Scorer:
                 f"(4, H, W) with sides of at least {size_px} px, and a step of at least 1 px"
             )
         with torch.set_grad_enabled(torch.is_grad_enabled() and picture.requires_grad):
-            if self._folded.config.padded:
-                # The border of each window is its own.
+            if not self.dense:
                 return score_each_window(self, picture, every=every)
             return torch.sigmoid(self._folded.logits_map(picture, every=every))

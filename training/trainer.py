@@ -73,7 +73,7 @@ def train(
     with torch.random.fork_rng(devices=()):
         torch.manual_seed(settings.seed)
         network = GraspQualityNetwork(settings.network)
-    held_out, trained_on = _split(data.attempts.index, used, settings.holdout, generator)
+    held_out, trained_on = split_held_out(data.attempts.index, used, settings.holdout, generator)
 
     passes = Passes(network, data, trained_on, settings, generator, device=device)
     course = Course(history=[], kept=0, weights=copy.deepcopy(passes.mean.state_dict()))
@@ -113,10 +113,20 @@ def _is_over(course: Course, settings: TrainSettings) -> bool:
     return passes == settings.epochs or passes - 1 - course.kept >= settings.patience
 
 
-def _split(
+def split_held_out(
     attempts: pd.Index[str], used: NDArray[np.int64], share: float, generator: torch.Generator
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Divide positions into those held out and the others, no attempt into both. Shapes (H,), (T,)."""
+    """Divide positions into those held out and the others, no attempt into both.
+
+    Args:
+        attempts: Id of the attempt of each input. Shape (N,).
+        used: Positions to divide. Shape (M,).
+        share: How much of the attempts is held out.
+        generator: At the seed of the training, before anything else was drawn from it.
+
+    Returns:
+        Shapes (H,), (T,).
+    """
     attempt_of_row, names = pd.factorize(attempts[used])
     drawn = torch.randperm(len(names), generator=generator)[: int(share * len(names))].numpy()
     is_held_out = np.isin(attempt_of_row, drawn)

@@ -45,8 +45,16 @@ def write_card(
         if goal is not None:
             view = station_view(frame, station)
             picture = PictureFrame(camera=view.camera, plane_m=view.plane_m)
-            step, width_m = step_from(frame, goal), station.gripper_stroke_m
-            log_jaws(stream, "picture/jaws", picture, step, width_m=width_m, colour=label_colour(success), static=True)
+            log_jaws(
+                stream,
+                "picture/jaws",
+                picture,
+                step_from(frame, goal),
+                width_m=station.gripper_stroke_m,
+                colour=label_colour(success),
+                dashed=success is False,
+                static=True,
+            )
 
 
 def card_view(station: StationSpec) -> rrb.Spatial2DView:

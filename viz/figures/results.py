@@ -18,12 +18,12 @@ from handsight.datasets.errors import counted
 from handsight.evaluation.results import ResultRow
 from handsight.servoing.methods.registry import METHODS
 from handsight.viz.errors import FigureError
-from handsight.viz.figures.style import BAR_COLOURS, INK, STYLE, save_figure
+from handsight.viz.figures.style import HATCHES, INK, STYLE, save_figure
+from handsight.viz.palette import PAPER_INK, SET_INKS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-PAPER_INK: Final = "#d1495b"
 ROUNDING: Final = 1e-9
 GROUP_WIDTH: Final = 0.62
 RATE_TOP: Final = 1.0
@@ -90,7 +90,17 @@ def _draw_bars(axes: Axes, rows: Sequence[ResultRow], methods: Sequence[str]) ->
         centres = np.array([methods.index(row["method"]) for row in chosen]) + (index + 0.5) * width - 0.5 * GROUP_WIDTH
         rates = np.array([row["rate"] for row in chosen])
         low, high = np.array([row["ci95"] for row in chosen]).T
-        axes.bar(centres, rates, 0.94 * width, color=BAR_COLOURS[index % len(BAR_COLOURS)], label=objects, zorder=2)
+        axes.bar(
+            centres,
+            rates,
+            0.94 * width,
+            color=SET_INKS[index % len(SET_INKS)],
+            hatch=HATCHES[index % len(HATCHES)],
+            edgecolor=(1, 1, 1, 0.35),
+            linewidth=0,
+            label=objects,
+            zorder=2,
+        )
         axes.errorbar(
             centres,
             rates,

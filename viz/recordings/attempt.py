@@ -213,7 +213,8 @@ def _log_grasp(stream: rr.RecordingStream, example: AttemptExample, view: View, 
     stroke_m = example.station.gripper_stroke_m
     colour, outcome = label_colour(example.success), example.attempt.outcome.name.lower()
     picture = PictureFrame(camera=view.camera, plane_m=view.plane_m)
-    log_jaws(stream, f"{CAMERA}/jaws", picture, step, width_m=stroke_m, colour=colour, static=True)
+    missed = example.success is False
+    log_jaws(stream, f"{CAMERA}/jaws", picture, step, width_m=stroke_m, colour=colour, dashed=missed, static=True)
     log_label(stream, f"{CAMERA}/text", picture, [step], outcome, width_m=stroke_m, static=True)
     pose = example.attempt.pose_base_tool_grasp
     if np.isfinite(pose).all():

@@ -19,6 +19,10 @@ from handsight.viz.pixels import place_heatmap
 JPEG_QUALITY = 85
 DEPTH_UNIT_M = 0.001
 """Unit of encoded depth where the camera's own is not known [m]."""
+MOST_DIFFERENCE = 0.5
+"""Difference of colours at which the colours that show it end; black and white differ by 1."""
+SCORE_UNITS = 65535.0
+"""Of encoded scores from 0 to 1."""
 OVERLAY_ORDER = 10.0
 """Draw order of heatmaps: over the picture, under every mark."""
 
@@ -36,6 +40,11 @@ def png(pixels: NDArray[np.uint8], *, draw_order: float | None = None) -> rr.Enc
     return rr.EncodedImage(
         contents=contents, media_type="image/png", draw_order=draw_order, magnification_filter="Nearest"
     )
+
+
+def encoded_png(contents: bytes) -> rr.EncodedImage:
+    """A picture that is a PNG already."""
+    return rr.EncodedImage(contents=contents, media_type="image/png")
 
 
 def depth_png(depth_m: NDArray[np.float32], *, unit_m: float, range_m: tuple[float, float]) -> rr.EncodedDepthImage:
@@ -63,12 +72,46 @@ def height_image(inputs_depth_m: NDArray[np.float32], *, top_m: float) -> rr.Dep
     )
 
 
+def difference_image(difference: NDArray[np.float32]) -> rr.DepthImage:
+    """How much two pictures differ, from 0 to 1. (size, size)."""
+    return rr.DepthImage(
+        np.asarray(difference, dtype=np.float32),
+        meter=1.0,
+        colormap="Inferno",
+        depth_range=(0.0, MOST_DIFFERENCE),
+        magnification_filter="Nearest",
+    )
+
+
+def scores_png(scores: NDArray[np.float32]) -> rr.EncodedDepthImage:
+    """Scores in [0, 1] as numbers of 16 bits, exact to 1e-5; hovering over one tells it. (R, C)."""
+    units = np.rint(np.clip(scores, 0, 1) * SCORE_UNITS).astype(np.uint16)
+    return rr.EncodedDepthImage(
+        _encode(".png", units),
+        media_type="image/png",
+        meter=SCORE_UNITS,
+        colormap="Inferno",
+        depth_range=(0.0, SCORE_UNITS),
+        magnification_filter="Nearest",
+    )
+
+
 def log_overlay(recording: rr.RecordingStream, path: str, heatmap: Heatmap, *, static: bool = False) -> None:
     """Log a heatmap so that every cell lies on the raw pixel that it scores; low scores let the picture through."""
+    log_placed(recording, path, heatmap, png(overlay_rgba(heatmap.scores), draw_order=OVERLAY_ORDER), static=static)
+
+
+def log_placed(
+    recording: rr.RecordingStream, path: str, heatmap: Heatmap, image: rr.EncodedImage, *, static: bool = False
+) -> None:
+    """Log an image with a pixel for each point of a heatmap, over the raw picture."""
     placement = place_heatmap(heatmap)
-    recording.log(path, png(overlay_rgba(heatmap.scores), draw_order=OVERLAY_ORDER), static=static)
-    transform = rr.Transform3D(translation=(*placement.translation_px, 0.0), scale=(*placement.scale, 1.0))
-    recording.log(path, transform, static=static)
+    recording.log(path, image, static=static)
+    recording.log(
+        path,
+        rr.Transform3D(translation=(*placement.translation_px, 0.0), scale=(*placement.scale, 1.0)),
+        static=static,
+    )
 
 
 def _encode(suffix: str, pixels: NDArray[np.integer | np.floating], parameters: list[int] | None = None) -> bytes:

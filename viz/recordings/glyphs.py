@@ -6,17 +6,19 @@ from collections.abc import Sequence
 
 import numpy as np
 import rerun as rr
+from numpy.typing import NDArray
 
 from handsight.viz.palette import OUTLINE, STEEL, Rgb
-from handsight.viz.pixels import FINGER_HALF_WIDTH_M, PictureFrame, Step
+from handsight.viz.pixels import FINGER_HALF_WIDTH_M, PictureFrame, Step, jaw_strips
 
 STAY: Step = (0.0, 0.0, 0.0)
 
-JAWS_ORDER, ARROW_ORDER, LABEL_ORDER = 30.0, 40.0, 50.0
+CONTOUR_ORDER, JAWS_ORDER, ARROW_ORDER, LABEL_ORDER = 15.0, 30.0, 40.0, 50.0
 """Draw orders over picture (0), overlay (10) and samples (20)."""
 
 FINGER_UI = 2.2
 CLOSING_UI = 0.9
+CONTOUR_UI = 0.8
 OUTLINE_UI = 1.3
 """Line radii in points of the screen, so that marks stay legible in small views."""
 
@@ -40,11 +42,15 @@ def log_jaws(
     *,
     width_m: float,
     colour: Rgb,
+    dashed: bool = False,
     static: bool = False,
 ) -> None:
-    """Log the jaws as they would stand after ``step``, outlined in black so that they show on any picture."""
-    strips = frame.jaws(step, width_m)
-    radii = np.array([FINGER_UI, FINGER_UI, CLOSING_UI])
+    """Log the jaws as they would stand after ``step``, outlined in black so that they show on any picture.
+
+    The line between them is dashed where ``dashed``, as it is for grasps that failed.
+    """
+    strips = jaw_strips(frame, step, width_m, dashed=dashed)
+    radii = np.array([FINGER_UI, FINGER_UI, *[CLOSING_UI] * (len(strips) - 2)])
     # In one entity the outline would be blended with its line: two entities, two draw orders.
     recording.log(
         f"{path}/outline",
@@ -56,6 +62,29 @@ def log_jaws(
         rr.LineStrips2D(strips, colors=[colour], radii=rr.Radius.ui_points(radii), draw_order=JAWS_ORDER + 1),
         static=static,
     )
+
+
+def log_outlined(
+    recording: rr.RecordingStream,
+    path: str,
+    lines: Sequence[NDArray[np.float64]],
+    *,
+    colour: Rgb = LABEL_COLOUR,
+    static: bool = False,
+) -> None:
+    """Log thin lines (N, 2) in Rerun pixels, black under their colour, so that they show on any picture.
+
+    Where there are none, those of an earlier time are taken away.
+    """
+    for name, ink, radius, order in (
+        ("outline", OUTLINE, CONTOUR_UI + OUTLINE_UI, CONTOUR_ORDER),
+        ("line", colour, CONTOUR_UI, CONTOUR_ORDER + 1),
+    ):
+        recording.log(
+            f"{path}/{name}",
+            rr.LineStrips2D(lines, colors=[ink], radii=rr.Radius.ui_points([radius]), draw_order=order),
+            static=static,
+        )
 
 
 def log_arrow(recording: rr.RecordingStream, path: str, frame: PictureFrame, step: Step, *, colour: Rgb) -> None:

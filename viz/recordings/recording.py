@@ -76,11 +76,14 @@ def _switched_on() -> Iterator[None]:
             os.environ[_SWITCH] = before
 
 
-def paused_layout(content: rrb.Container, *, timeline: str, fps: float) -> rrb.Blueprint:
-    """The layout of every recording: the content, paused on its timeline, and nothing else open."""
+def paused_layout(content: rrb.Container, *, timeline: str, fps: float, following: bool = False) -> rrb.Blueprint:
+    """The layout of every recording: the content, paused on its timeline, and nothing else open.
+
+    One that is still being made is followed instead.
+    """
     return rrb.Blueprint(
         content,
-        rrb.TimePanel(timeline=timeline, play_state="paused", fps=fps, state="collapsed"),
+        rrb.TimePanel(timeline=timeline, play_state="following" if following else "paused", fps=fps, state="collapsed"),
         rrb.BlueprintPanel(state="hidden"),
         rrb.SelectionPanel(state="hidden"),
         auto_layout=False,

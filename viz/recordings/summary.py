@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import math
+from itertools import zip_longest
 
 import rerun as rr
 
+from handsight.datasets.errors import counted
+from handsight.evaluation.causes import CAUSES, cause_of
 from handsight.evaluation.trial import TrialRecording
 from handsight.servoing.loop import ServoStep
 
@@ -14,6 +17,17 @@ def outcome(recording: TrialRecording) -> str:
     """One or two words for how the trial ended."""
     trial = recording.trial
     return "failed" if trial.failure else "held" if trial.success else "empty"
+
+
+def cause(recording: TrialRecording) -> str:
+    """Why the grasp failed, in a few words; empty for one that held."""
+    return cause_of(recording.trial, recording.station.closed_width_m) or ""
+
+
+def under_way(method: str, number: int, steps: int, score: float) -> rr.TextDocument:
+    """Markdown, while the run is not over."""
+    lines = [f"# {method} · trial {number}", "", f"{counted(steps, 'step')} so far, S {score:.3f}"]
+    return rr.TextDocument("\n".join(lines) + "\n", media_type="text/markdown")
 
 
 def compute_ms(compute_s: float) -> str:
@@ -32,6 +46,8 @@ def trial_summary(recording: TrialRecording) -> rr.TextDocument:
         ("moves", str(trial.moves)),
         ("compute", f"{compute_ms(trial.compute_s)} per step"),
     ]
+    if why := cause(recording):
+        rows.insert(1, ("cause", f"**{why}**: {CAUSES[why]}"))
     if trial.truth_held is not None:
         rows.append(("truth", "object held" if trial.truth_held else "nothing held"))
     table = [f"| {name} | {value} |" for name, value in rows]
@@ -42,12 +58,14 @@ def trial_summary(recording: TrialRecording) -> rr.TextDocument:
 
 def step_table(recording: TrialRecording) -> rr.TextDocument:
     """Markdown: what every servo step saw and chose, for reading off numbers."""
-    lines = ["| step | S(p) | S(p+Δp) | Δx mm | Δy mm | Δθ ° | compute |", "|--:|--:|--:|--:|--:|--:|--:|"]
-    lines += [_step_row(number, step) for number, step in enumerate(recording.trace.steps)]
+    heads = ("step", "S(p)", "S(p+Δp)", "Δx mm", "Δy mm", "Δθ °", "view off by", "look", "compute")
+    lines = [f"| {' | '.join(heads)} |", "|--:" * len(heads) + "|"]
+    steps = recording.trace.steps
+    lines += [_step_row(number, step, after) for number, (step, after) in enumerate(zip_longest(steps, steps[1:]))]
     return rr.TextDocument("\n".join(lines) + "\n", media_type="text/markdown")
 
 
-def _step_row(number: int, step: ServoStep) -> str:
+def _step_row(number: int, step: ServoStep, after: ServoStep | None) -> str:
     cells = [str(number), f"{step.score:.3f}"]
     if step.proposal is None:
         cells += ["—"] * 4
@@ -59,4 +77,13 @@ def _step_row(number: int, step: ServoStep) -> str:
             f"{1e3 * dy_m:+.1f}",
             f"{math.degrees(dangle_rad):+.1f}",
         ]
-    return "| " + " | ".join([*cells, compute_ms(step.compute_s)]) + " |"
+    cells += [_off_by(step, after), compute_ms(step.look_s), compute_ms(step.compute_s)]
+    return "| " + " | ".join(cells) + " |"
+
+
+def _off_by(step: ServoStep, after: ServoStep | None) -> str:
+    """Root mean square of the difference of colours between the view predicted and the next one."""
+    if step.predicted_inputs is None or after is None:
+        return "—"
+    wrong = step.predicted_inputs[:3] - after.inputs[:3]
+    return f"{float(wrong.square().mean().sqrt()):.3f}"
