@@ -105,7 +105,7 @@ NOUNS = (
         ("handsight servo --model runs/rgbd", "handsight servo --model runs/rgbd --method first-order --trial 7"),
         kept="no recording was written",
     ),
-    LazyCommand("view", "view.app:view_app", "Browse datasets in the Rerun viewer."),
+    LazyCommand("view", "view.app:view_app", "Look at datasets, heatmaps and traces in the Rerun viewer."),
     LazyCommand(
         "review",
         "review:review_command",

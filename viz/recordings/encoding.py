@@ -27,10 +27,10 @@ OVERLAY_ORDER = 10.0
 """Draw order of heatmaps: over the picture, under every mark."""
 
 
-def jpeg(rgb: NDArray[np.uint8]) -> rr.EncodedImage:
+def jpeg(rgb: NDArray[np.uint8], *, draw_order: float | None = None) -> rr.EncodedImage:
     """A colour picture (H, W, 3), slightly lossy."""
     contents = _encode(".jpg", cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
-    return rr.EncodedImage(contents=contents, media_type="image/jpeg")
+    return rr.EncodedImage(contents=contents, media_type="image/jpeg", draw_order=draw_order)
 
 
 def png(pixels: NDArray[np.uint8], *, draw_order: float | None = None) -> rr.EncodedImage:
