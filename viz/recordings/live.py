@@ -21,7 +21,6 @@ from handsight.evaluation.trial import TrialRecording
 from handsight.evaluation.watching import TrialStart
 from handsight.servoing.loop import ServoStep
 from handsight.servoing.methods.registry import METHODS
-from handsight.viz.errors import ViewerError
 from handsight.viz.recordings.arm_drawing import DrawnArm
 from handsight.viz.recordings.layouts import TraceRanges, trace_blueprint
 from handsight.viz.recordings.trace_log import TraceLog
@@ -38,18 +37,6 @@ CLOSE_S: Final = 5.0
 STEP_MM, TURN_DEG, TIME_MS, SLOPE = 110.0, 55.0, 550.0, 0.5
 """Ranges of plots, which have to be chosen before anything is known."""
 _Event = Callable[["_Showing"], None]
-
-
-def check_live_url(url: str) -> str:
-    """The address of a viewer.
-
-    Raises:
-        ViewerError: It is none.
-    """
-    parts = urlsplit(url)
-    if parts.scheme not in ("rerun", "rerun+http", "rerun+https") or not parts.hostname or parts.path != "/proxy":
-        raise ViewerError(f"the viewer's address is {url!r}, expected one such as rerun+http://127.0.0.1:9876/proxy")
-    return url
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

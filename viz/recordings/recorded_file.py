@@ -48,9 +48,11 @@ def read_recorded_file(path: Path, *, kind: str, what: str) -> RecordedFile:
                 RecordedFile(kind=one.application_id, name=one.recording_id)
                 for one in RrdReader(str(path)).recordings()
             ]
-    except (OSError, RuntimeError, ValueError, Warning) as error:
+    except Warning as warning:
+        raise RecordingError(f"{path} was cut off before its end; {AGAIN}") from warning
+    except (OSError, RuntimeError, ValueError) as error:
         raise RecordingError(
-            f"{path} is damaged or was cut off before its end ({_first_line(error)}); {AGAIN}"
+            f"{path} is damaged ({_first_line(error)}); {AGAIN}"
         ) from error
     if not found:
         raise RecordingError(f"{path} holds no recording, or was cut off before its end; {AGAIN}")
