@@ -19,7 +19,7 @@ from handsight.viz.pixels import place_heatmap
 JPEG_QUALITY = 85
 DEPTH_UNIT_M = 0.001
 """Unit of encoded depth where the camera's own is not known [m]."""
-MOST_DIFFERENCE = 0.5
+MOST_DIFFERENCE = 0.25
 """Difference of colours at which the colours that show it end; black and white differ by 1."""
 SCORE_UNITS = 65535.0
 """Of encoded scores from 0 to 1."""

@@ -24,7 +24,7 @@ OUTSIDE = "/scene/rgb"
 BACKGROUND = (18, 20, 24)
 EYE_OFFSET_M = (0.54, -0.70, 0.50)
 """From the middle of the scene to the eye: in front of the robot and to its right, looking down at 30 degrees."""
-ARM_EYE = 1.75
+ARM_EYE = 1.45
 """So much farther the eye is where an arm has to fit in."""
 EYE_HEIGHT = 0.75
 """Share of the pre-grasp height at which the eye of a trace looks."""
@@ -135,16 +135,22 @@ def _scene_view(ranges: TraceRanges) -> rrb.Spatial3DView:
     )
 
 
-def _picture_view(ranges: TraceRanges) -> rrb.Spatial2DView:
-    return rrb.Spatial2DView(
-        name="Picture · S · samples · chosen step · gradient"
-        if ranges.slope
-        else "Picture · S · samples · chosen step",
-        origin=CAMERA,
-        contents=["+ $origin/**", f"- {CAMERA}/depth"],
-        background=BACKGROUND,
-        visual_bounds=picture_bounds(ranges.width_px, ranges.height_px + HEIGHT_PX),
-    )
+def _picture_view(ranges: TraceRanges) -> rrb.Tabs:
+    """The picture with all that was scored and chosen, and the same in its own colours."""
+    name = "S · samples · chosen step · gradient" if ranges.slope else "S · samples · chosen step"
+    layers = ("rgb", "muted", "heat", "contour/**", "samples/**", "arrow", "gradient", "jaws/**", "text", "scale")
+
+    def picture(name: str, shown: Sequence[str]) -> rrb.Spatial2DView:
+        return rrb.Spatial2DView(
+            name=name,
+            origin=CAMERA,
+            contents=["+ $origin", *(f"+ $origin/{layer}" for layer in shown)],
+            background=BACKGROUND,
+            visual_bounds=picture_bounds(ranges.width_px, ranges.height_px + HEIGHT_PX),
+        )
+
+    bare = [layer for layer in layers if layer not in ("muted", "heat")]
+    return rrb.Tabs(picture(name, layers), picture("In colour", bare), active_tab=0)
 
 
 def _depth_view(ranges: TraceRanges) -> rrb.Spatial2DView:

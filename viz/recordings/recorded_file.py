@@ -51,9 +51,7 @@ def read_recorded_file(path: Path, *, kind: str, what: str) -> RecordedFile:
     except Warning as warning:
         raise RecordingError(f"{path} was cut off before its end; {AGAIN}") from warning
     except (OSError, RuntimeError, ValueError) as error:
-        raise RecordingError(
-            f"{path} is damaged ({_first_line(error)}); {AGAIN}"
-        ) from error
+        raise RecordingError(f"{path} is damaged ({_first_line(error)}); {AGAIN}") from error
     if not found:
         raise RecordingError(f"{path} holds no recording, or was cut off before its end; {AGAIN}")
     if found[0].kind != kind:
