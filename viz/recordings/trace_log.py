@@ -23,6 +23,7 @@ Step k of the timeline ``servo_step`` is pass k of the loop. Entities:
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -37,7 +38,7 @@ from handsight.servoing.loop import ServoStep
 from handsight.servoing.optimiser import Proposal
 from handsight.viz import palette
 from handsight.viz.heat_look import contours, muted
-from handsight.viz.pixels import CENTRE_PX, PictureFrame
+from handsight.viz.pixels import CENTRE_PX, PictureFrame, Step
 from handsight.viz.recordings.arm_drawing import DrawnArm, log_arm, log_arm_shape
 from handsight.viz.recordings.encoding import (
     depth_png,
@@ -62,7 +63,9 @@ SAMPLES_ORDER = 20.0
 ARROW_FROM_M = 0.001
 """A grasp nearer than this is executed from here: it needs no arrow, and its jaws would cover those shown."""
 GRADIENT_M = 0.10
-"""Length of the arrow of a gradient that gains a whole S over one sampling range [m]."""
+"""Length that the arrow of a gradient approaches as it gets steeper [m]."""
+STEEP = 0.1
+"""Gradient, in S per sampling range, whose arrow is half as long."""
 MOST_SAMPLES = 1500
 """Of a step are shown."""
 NO_NEXT = "no next view"
@@ -191,8 +194,7 @@ class TraceLog:
         log_jaws(stream, f"{CAMERA}/jaws/chosen", frame, chosen, width_m=width_m, colour=palette.CHOSEN, above=2.0)
         log_arrow(stream, f"{CAMERA}/arrow", frame, chosen, colour=palette.CHOSEN)
         if step.proposal.gradient is not None:
-            slope = step.proposal.gradient.tolist()
-            uphill = (GRADIENT_M * slope[0], GRADIENT_M * slope[1], 0.0)
+            uphill = _uphill(step.proposal.gradient.tolist())
             log_arrow(stream, f"{CAMERA}/gradient", frame, uphill, colour=palette.TRAJECTORY)
         text = f"S {step.score:.2f} → {step.predicted:.2f}"
         log_label(stream, f"{CAMERA}/text", frame, [STAY, chosen], text, width_m=width_m)
@@ -259,6 +261,13 @@ class TraceLog:
         stream.log("world/grasp/jaws", rr.Transform3D(translation=pose[:3, 3], mat3x3=pose[:3, :3]))
         stream.log("world/grasp/jaws", gripper_boxes(spec.gripper_stroke_m, colour=colour))
         stream.log("world/grasp/descent", rr.LineStrips3D([[start_m, pose[:3, 3]]], colors=[colour], radii=[0.002]))
+
+
+def _uphill(gradient: Sequence[float]) -> Step:
+    """Where S rises on the table, as a step whose length grows with the slope and stays within the picture."""
+    slope_x, slope_y, _ = gradient
+    share = GRADIENT_M / (math.hypot(slope_x, slope_y) + STEEP)
+    return share * slope_x, share * slope_y, 0.0
 
 
 def mm_deg(proposal: Proposal) -> tuple[float, float, float]:
