@@ -86,7 +86,7 @@ class _Showing:
         )
         stream.connect_grpc(self.url, default_blueprint=trace_blueprint(ranges, following=True))
         stream.send_recording_name(f"{start.method} · trial {start.number}")
-        self.stream, self.log = stream, TraceLog(stream, start, self.arm)
+        self.stream, self.log = stream, TraceLog(stream, start, self.arm, live=True)
         self.log.begin()
 
     def end_stream(self) -> None:

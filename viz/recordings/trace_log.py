@@ -93,6 +93,8 @@ class TraceLog:
     start: TrialStart
     arm: DrawnArm | None = None
     """The station's arm; None draws its gripper alone."""
+    live: bool = False
+    """Whether somebody watches, who is told how far the run is until there is a summary."""
     _steps: list[ServoStep] = field(default_factory=list)
 
     def begin(self) -> None:
@@ -131,7 +133,8 @@ class TraceLog:
         self._log_plots(step)
         if outside is not None:
             stream.log(OUTSIDE, jpeg(outside))
-        stream.log("text/trial", under_way(self.start.method, self.start.number, len(self._steps), step.score))
+        if self.live:
+            stream.log("text/trial", under_way(self.start.method, self.start.number, len(self._steps), step.score))
 
     def end(self, recording: TrialRecording) -> None:
         """Log the grasp, in the colour of what came of it, and the summary."""
@@ -147,7 +150,7 @@ class TraceLog:
                 number=trial.number,
                 success=trial.success,
                 outcome=outcome(recording),
-                cause=cause(recording),
+                cause=cause(recording) or "none",
                 moves=trial.moves,
                 final_score=trace.grasp_score,
                 threshold=trace.threshold,
