@@ -1,4 +1,4 @@
-"""Seeing: heatmaps at one angle and at all, the size of a servo trace, what watching costs, browsing 30,000 attempts."""
+"""Seeing: heatmaps at one angle and at all, a trace, what watching costs, browsing 30,000 attempts."""
 
 from __future__ import annotations
 
