@@ -139,7 +139,8 @@ def _draw_set(
 
 def _draw_times(axes: Axes, rows: Sequence[ResultRow], methods: Sequence[str], paper: Mapping[str, PaperRow]) -> None:
     """The time of a step as text: hardly anything else has so little to do with the other columns."""
-    dress(axes, "Time a step", "median; grey: paper")
+    reported = any(method in paper and paper[method].step_ms is not None for method in methods)
+    dress(axes, "Time a step", "median; grey: paper" if reported else "median")
     say(axes, "")
     for at, method in enumerate(methods):
         ours = [row["step_ms"] for row in rows if row["method"] == method and row["step_ms"] is not None]
