@@ -19,7 +19,7 @@ from handsight.datasets.curation.curator import Curator
 from handsight.datasets.curation.saved_filters import save_filter
 
 READS = "clearance|dataset decisions|dataset diff|dataset doctor|dataset info|dataset log|dataset verify|objects ls"
-DRAWS = "collect picture|dataset ls|dataset show|dataset stats|dataset suspect|heatmap|prediction|servo|view dataset"
+DRAWS = "collect picture|dataset ls|dataset show|dataset stats|dataset suspect|heatmap|prediction|report|servo|view ablation|view dataset"
 ADDS = "ablate plot|collect sim|dataset export|dataset init|dataset materialize|dataset release|evaluate"
 UNTRIED = {
     **dict.fromkeys(READS.split("|"), "changes nothing"),
@@ -70,6 +70,7 @@ CALLS = (
     "dataset verify {data}",
     "objects import {meshes} --name kitchen",
     "objects ls",
+    "report {data} --out {new}.html",
     "runs compare {run} {second}",
     "runs ls {run}",
     "runs show {run}",
@@ -91,6 +92,7 @@ LONG = {
     "review",
     "servo",
     "tune",
+    "view ablation",
     "view dataset",
 }
 """Their JSON is read by tests of their own."""
@@ -137,8 +139,12 @@ REFUSED = (
     "evaluate --model {nowhere}",
     "dataset similar {nowhere} 1 --model {nowhere}",
     "heatmap {data} --model {nowhere}",
+    "report {nowhere}",
+    "report {data} --out {nowhere}/x.html",
     "review {nowhere}",
     "review {data}@v1 --no-viewer",
+    "view ablation {nowhere}",
+    "view ablation {data}",
     "view dataset {nowhere}",
     "view dataset {data} --picture {nowhere}/x.png",
     "objects import {nowhere} --name x",

@@ -7,11 +7,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from tests.support.factories import make_attempt, make_header, record
 from tests.support.runs import ORIGIN, save_untrained
-from tests.support.swept import make_swept
+from tests.support.swept import OBJECTS
 from tests.support.trials import make_trial
 
-from handsight.datasets import GraspDataset, GraspRepository
+from handsight.datasets import GraspDataset, GraspRepository, Outcome
 from handsight.evaluation.journal import trial_to_json
 from handsight.evaluation.report import evaluation_report
 
@@ -54,8 +55,12 @@ def make_evaluation(*, objects: str = "blocks-test", model: str = "run", weights
 def make_demo(folder: Path) -> Path:
     """A dataset with a release, a run of it, results and a recording."""
     folder.mkdir()
-    make_swept(folder / "grasps", attempts=30)
-    GraspRepository.open(folder / "grasps").release("v1")
+    header = make_header(width=96, height=72, objects=OBJECTS)
+    outcomes = [Outcome.HELD if at % 3 == 0 else Outcome.EMPTY for at in range(30)]
+    repository = GraspRepository.create(folder / "grasps")
+    made = [make_attempt(header, at, outcome=outcome) for at, outcome in enumerate(outcomes)]
+    record(repository, header, made, every=30)
+    repository.release("v1")
     version = GraspDataset.open(f"{folder / 'grasps'}@v1")
     origin = replace(
         ORIGIN,

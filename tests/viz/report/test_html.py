@@ -38,11 +38,14 @@ def make_report(text: str = "a name") -> Report:
         gallery,
         dataclasses.replace(gallery, title=""),
     )
-    part = Section(title=text, blocks=blocks)
-    section = Section(title=text, blocks=blocks, parts=(part, dataclasses.replace(part)))
-    return Report(
-        title=text, summary=text, command=text, handsight="0", sections=(section, dataclasses.replace(section))
+    # Two sections on two levels each, with parts of their own.
+    sections = tuple(
+        Section(
+            title=text, blocks=blocks, parts=(Section(title=text, blocks=blocks), Section(title=text, blocks=blocks))
+        )
+        for _ in range(2)
     )
+    return Report(title=text, summary=text, command=text, handsight="0", sections=sections)
 
 
 def test_a_page_has_landmarks_headings_names_and_nothing_outside_it() -> None:
