@@ -19,12 +19,13 @@ from handsight.datasets.curation.curator import Curator
 from handsight.datasets.curation.saved_filters import save_filter
 
 READS = "clearance|dataset decisions|dataset diff|dataset doctor|dataset info|dataset log|dataset verify|objects ls"
-DRAWS = "collect picture|dataset ls|dataset show|dataset stats|dataset suspect|heatmap|prediction|report|servo|view ablation|view dataset"
+DRAWS = "collect picture|dataset ls|dataset show|dataset stats|dataset suspect|heatmap|prediction|servo|view dataset"
 ADDS = "ablate plot|collect sim|dataset export|dataset init|dataset materialize|dataset release|evaluate"
 UNTRIED = {
     **dict.fromkeys(READS.split("|"), "changes nothing"),
     **dict.fromkeys(("ablate status", "dataset similar", "runs compare", "runs ls", "runs show"), "changes nothing"),
     **dict.fromkeys(DRAWS.split("|"), "changes nothing but a picture or recording, which the same call makes again"),
+    **dict.fromkeys(("report", "view ablation"), "changes nothing but a page, which the same call makes again"),
     **dict.fromkeys(ADDS.split("|"), "adds something where nothing was, or behind what is there"),
     "review": "every decision is made by a key, and taken back by another",
     "demo": "goes on in a folder of its own, and begins nothing anew that is there",
