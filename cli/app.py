@@ -116,7 +116,7 @@ NOUNS = (
         ),
         kept="the page is whole or was not written",
     ),
-    LazyCommand("view", "view.app:view_app", "Browse datasets in the Rerun viewer."),
+    LazyCommand("view", "view.app:view_app", "Look at datasets, heatmaps and traces in the Rerun viewer."),
     LazyCommand(
         "review",
         "review:review_command",

@@ -20,6 +20,8 @@ from handsight.cli.options import (
     NOVEL_OBJECTS,
     Gripper,
     Json,
+    Live,
+    LiveUrl,
     Model,
     Threshold,
     TrialSeed,
@@ -89,6 +91,8 @@ def evaluate_command(
     ] = None,
     calibration: Annotated[bool, typer.Option("--calibration", help="Print success by predicted success.")] = False,
     causes: Annotated[bool, typer.Option("--causes", help="Print the failures by cause.")] = False,
+    live: Live = False,
+    live_url: LiveUrl = None,
     as_json: Json = False,
 ) -> None:
     """Compare servo methods on the same scenes and starting poses (section V-B.2)."""
@@ -97,6 +101,9 @@ def evaluate_command(
         check_out_file(out)
     if figures is not None:
         check_folder("--figures", figures)
+    from handsight.cli.wiring.live import check_live, live_watch
+
+    check_live(live=live, url=live_url)
     from handsight.cli.wiring.evaluations import evaluate_model
     from handsight.evaluation.comparison import check_reference
     from handsight.evaluation.disturbance import Disturbance
@@ -115,9 +122,10 @@ def evaluate_command(
     disturbance = None if disturb is None else Disturbance.parse(disturb)
     if figure is not None:
         _check_figure(figure, settings.methods)
-    results = evaluate_model(
-        model, objects, settings, gripper=gripper, out=out, against=against, disturbance=disturbance
-    )
+    with live_watch(live=live, url=live_url) as watch:
+        results = evaluate_model(
+            model, objects, settings, gripper=gripper, out=out, against=against, disturbance=disturbance, watch=watch
+        )
     if figure is not None:
         from handsight.viz.figures.durations import durations_figure
 

@@ -109,6 +109,15 @@ TrialSeed = Annotated[
     int, typer.Option("--seed", min=0, max=LARGEST_SEED, help="Scenes and starting poses follow from it.")
 ]
 
+# Who watches.
+Live = Annotated[bool, typer.Option("--live", help="Show every step in a Rerun viewer while it happens.")]
+LiveUrl = Annotated[
+    str | None,
+    typer.Option(
+        "--live-url", metavar="URL", help="As --live, in a viewer that runs: rerun+http://127.0.0.1:9876/proxy."
+    ),
+]
+
 # The simulated station, and who works on it.
 Seed = Annotated[int, typer.Option("--seed", min=0, max=LARGEST_SEED, help="Everything random follows from it.")]
 Workers = Annotated[

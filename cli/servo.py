@@ -20,6 +20,8 @@ from handsight.cli.options import (
     NOVEL_OBJECTS,
     Gripper,
     Json,
+    Live,
+    LiveUrl,
     Model,
     Objects,
     Threshold,
@@ -52,11 +54,16 @@ def servo_command(
     scene_camera: Annotated[
         bool, typer.Option("--scene-camera", help="Also record the whole station from outside at every step.")
     ] = False,
+    live: Live = False,
+    live_url: LiveUrl = None,
     as_json: Json = False,
 ) -> None:
     """Servo once from a random pose, grasp, and record every step."""
     check_finished_run(model)
     check_out_file(out)
+    from handsight.cli.wiring.live import check_live, live_watch
+
+    check_live(live=live, url=live_url)
     from handsight.cli.wiring.scene_pictures import servo_pictures
     from handsight.cli.wiring.stations import sim_station
     from handsight.evaluation.evaluate import TrialContextFactory, record_trial
@@ -65,18 +72,25 @@ def servo_command(
 
     servo_method(method)
     simulated = sim_station(objects, gripper=gripper)
-    factory = TrialContextFactory(open_station=simulated, run=model)
-    recording = record_trial(factory, method, trial, seed=seed, servo=ServoSettings(threshold=threshold))
-    if recording is None:
-        raise CommandError(f"method is {method!r}, which does not servo, expected one that does")
-    outside = servo_pictures(simulated.config, recording) if scene_camera else None
-    write_trace(out, recording, model, outside)
+    settings = ServoSettings(threshold=threshold)
+    with live_watch(live=live, url=live_url) as watch:
+        factory = TrialContextFactory(open_station=simulated, run=model, watch=watch)
+        recording = record_trial(factory, method, trial, seed=seed, servo=settings)
+        if recording is None:
+            raise CommandError(f"method is {method!r}, which does not servo, expected one that does")
+        outside = servo_pictures(simulated.config, recording) if scene_camera else None
+        write_trace(out, recording, model, outside)
+        _tell(recording, out, method, seed, as_json=as_json)
+
+
+def _tell(recording: TrialRecording, out: Path, method: str, seed: int, *, as_json: bool) -> None:
+    """What came of it."""
     if as_json:
         print_json(
             {
                 "recording": out,
                 "method": method,
-                "trial": trial,
+                "trial": recording.trial.number,
                 "seed": seed,
                 "moves": recording.trace.moves,
                 "predicted_success": recording.trace.grasp_score,
@@ -88,7 +102,7 @@ def servo_command(
     console.print(
         bold(out),
         f": {method}, {counted(recording.trace.moves, 'move')}, predicted success "
-        f"{recording.trace.grasp_score:.2f}, {result}; open it with {pasteable('rerun', out)}",
+        f"{recording.trace.grasp_score:.2f}, {result}; open it with {pasteable('handsight', 'view', 'trace', out)}",
     )
 
 

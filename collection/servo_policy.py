@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable
+from collections.abc import Callable, Hashable
 from dataclasses import asdict, dataclass, field
 from functools import lru_cache
 from typing import Protocol
@@ -15,7 +15,7 @@ from handsight.collection.station import Station
 from handsight.datasets.records import SceneObjects
 from handsight.datasets.views import station_view
 from handsight.servoing.homography import InputGrid
-from handsight.servoing.loop import ServoSettings, ServoTrace, servo
+from handsight.servoing.loop import ServoSettings, ServoStep, ServoTrace, servo
 from handsight.servoing.optimiser import ServoMethod
 from handsight.servoing.planar import PlanarPose
 from handsight.servoing.scorer import GraspScorer
@@ -98,6 +98,7 @@ def servo_on_station(
     settings: ServoSettings,
     rng: np.random.Generator,
     looks: int | None = None,
+    on_step: Callable[[ServoStep], None] | None = None,
 ) -> ServoTrace:
     """Servo from wherever the gripper stands. Steps out of reach are not taken.
 
@@ -108,6 +109,7 @@ def servo_on_station(
         settings: When to stop.
         rng: Source of the method's randomness.
         looks: Pictures after which is grasped unseen; None for as many as the method needs.
+        on_step: Called with every pass of the loop, before the gripper moves.
 
     Raises:
         ScoreError: A score of the network is not in [0, 1].
@@ -124,4 +126,4 @@ def servo_on_station(
             return False
         return True
 
-    return servo(look, move, scorer, method, settings=settings, rng=rng, looks=looks)
+    return servo(look, move, scorer, method, settings=settings, rng=rng, looks=looks, on_step=on_step)

@@ -14,6 +14,7 @@ from handsight.collection.station import Station
 from handsight.datasets.errors import below_least
 from handsight.evaluation.errors import EvaluationSettingsError, TrialAbortedError
 from handsight.evaluation.trial import Trial, TrialRecording, run_trial
+from handsight.evaluation.watching import TrialWatcher, WatcherFactory
 from handsight.jobs.ordered import map_ordered
 from handsight.servoing.loop import ServoSettings
 from handsight.servoing.methods.registry import RANDOM, check_methods
@@ -49,10 +50,13 @@ class TrialContext:
 
     station: Station
     scorer: GraspScorer
+    watcher: TrialWatcher | None = None
 
     def close(self) -> None:
-        """Release the station."""
+        """Release the station, and whoever watches."""
         self.station.close()
+        if self.watcher is not None:
+            self.watcher.close()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,6 +68,8 @@ class TrialContextFactory:
     """Folder of the trained run."""
     weights_sha256: str | None = None
     """Of the weights that it held when the trials were planned; None takes whatever it holds."""
+    watch: WatcherFactory | None = None
+    """Who watches the trials; nobody unless given."""
 
     def __call__(self) -> TrialContext:
         """Open the station and load the network.
@@ -80,7 +86,7 @@ class TrialContextFactory:
                 f"{self.run} holds another network than when the trials began: leave a run in its place while it is "
                 "used, and begin again"
             )
-        return TrialContext(self.open_station(), run.scorer())
+        return TrialContext(self.open_station(), run.scorer(), None if self.watch is None else self.watch())
 
 
 def evaluate(
@@ -125,7 +131,9 @@ def record_trial(
     """
     context = factory()
     try:
-        trial, recording = run_trial(context.station, context.scorer, method, number, seed=seed, settings=servo)
+        trial, recording = run_trial(
+            context.station, context.scorer, method, number, seed=seed, settings=servo, watcher=context.watcher
+        )
     finally:
         context.close()
     if trial.aborted:
@@ -136,7 +144,16 @@ def record_trial(
 def _trial(context: TrialContext, task: tuple[int, str], *, seed: int, servo: ServoSettings, one_look: bool) -> Trial:
     number, method = task
     scorer = None if method == RANDOM else context.scorer
-    return run_trial(context.station, scorer, method, number, seed=seed, settings=servo, one_look=one_look)[0]
+    return run_trial(
+        context.station,
+        scorer,
+        method,
+        number,
+        seed=seed,
+        settings=servo,
+        one_look=one_look,
+        watcher=context.watcher,
+    )[0]
 
 
 def method_names(text: str) -> Sequence[str]:

@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
@@ -29,8 +28,9 @@ from handsight.collection.servo_policy import servo_on_station
 from handsight.collection.station import Station
 from handsight.datasets.records import RgbdFrame, SceneObjects, StationSpec
 from handsight.datasets.views import station_view
+from handsight.evaluation.watching import TrialStart, TrialWatcher
 from handsight.servoing.errors import ImageError, ScoreError
-from handsight.servoing.loop import ServoSettings, ServoTrace
+from handsight.servoing.loop import ServoSettings, ServoStep, ServoTrace
 from handsight.servoing.methods.registry import METHODS
 from handsight.servoing.scorer import GraspScorer
 
@@ -86,10 +86,12 @@ def run_trial(
     seed: int,
     settings: ServoSettings,
     one_look: bool = False,
+    watcher: TrialWatcher | None = None,
 ) -> tuple[Trial, TrialRecording | None]:
     """Run trial ``number``; trials of equal seed and number begin alike, whatever the method.
 
-    With ``one_look`` the method takes its first step and grasps without looking again.
+    With ``one_look`` the method takes its first step and grasps without looking again. A watcher is told of trials that
+    servo.
 
     Returns:
         The result, and what was seen if there was servoing up to a grasp. A trial is aborted where the scene does not
@@ -98,12 +100,41 @@ def run_trial(
     """
     progress = AttemptProgress(station=station)
     streams = AttemptStreams.from_seed(attempt_seed(seed, number))
-    begin = partial(begin_attempt, progress, UniformPolicy(), streams)
-    looks = 1 if one_look else None
+    watched = watcher if scorer is not None and METHODS[method].settings is not None else None
+
+    def begin() -> None:
+        begin_attempt(progress, UniformPolicy(), streams)
+        if watched is not None and progress.overhead is not None:
+            watched.begin(_start(progress, progress.overhead, method, number, settings))
+
     trial, trace = servo_and_grasp(
-        progress, begin, scorer, method, number, rng=streams.servo, settings=settings, looks=looks
+        progress,
+        begin,
+        scorer,
+        method,
+        number,
+        rng=streams.servo,
+        settings=settings,
+        looks=1 if one_look else None,
+        on_step=None if watched is None else watched.step,
     )
-    return trial, _recording(progress, trial, trace)
+    recording = _recording(progress, trial, trace)
+    if watched is not None:
+        watched.end(recording)
+    return trial, recording
+
+
+def _start(
+    progress: AttemptProgress, overhead: RgbdFrame, method: str, number: int, settings: ServoSettings
+) -> TrialStart:
+    return TrialStart(
+        method=method,
+        number=number,
+        threshold=settings.threshold,
+        station=progress.station.spec,
+        overhead=overhead,
+        scene=progress.scene,
+    )
 
 
 def servo_and_grasp(
@@ -116,6 +147,7 @@ def servo_and_grasp(
     rng: np.random.Generator,
     settings: ServoSettings,
     looks: int | None = None,
+    on_step: Callable[[ServoStep], None] | None = None,
 ) -> tuple[Trial, ServoTrace | None]:
     """Begin, servo and grasp, on whatever scene ``begin`` leaves; aborted or not as :func:`run_trial` says.
 
@@ -128,13 +160,16 @@ def servo_and_grasp(
         rng: Source of the method's randomness.
         settings: When to stop.
         looks: Pictures after which is grasped unseen; None for as many as the method needs.
+        on_step: Called with every pass of the loop, before the gripper moves.
     """
     trace: ServoTrace | None = None
     try:
         begin()
         _check_depth(progress)
         if scorer is not None and METHODS[method].settings is not None:
-            trace = servo_on_station(progress.station, scorer, METHODS[method], settings=settings, rng=rng, looks=looks)
+            trace = servo_on_station(
+                progress.station, scorer, METHODS[method], settings=settings, rng=rng, looks=looks, on_step=on_step
+            )
     except (PhaseError, ImageError, ScoreError) as error:
         return _aborted(number, method, error), None
     return _grasped(progress, number, method, trace), trace

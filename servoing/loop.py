@@ -86,6 +86,7 @@ def servo(
     settings: ServoSettings,
     rng: np.random.Generator,
     looks: int | None = None,
+    on_step: Callable[[ServoStep], None] | None = None,
 ) -> ServoTrace:
     """Run the loop from wherever the gripper stands and leave it where the grasp should be executed.
 
@@ -98,6 +99,7 @@ def servo(
         rng: Source of the method's randomness.
         looks: Pictures after which is grasped where the last step led, unseen; with 1 the loop is open. None takes as
             many as the method's steps need.
+        on_step: Called with every pass, before the gripper moves.
 
     Returns:
         The trace; its last step's pose is the grasp pose unless the best pose seen was an earlier one.
@@ -118,6 +120,8 @@ def servo(
             proposal = optimiser.propose(objective, score, rng)
         timing = _Timing(look_s=seen - asked, compute_s=time.perf_counter() - seen)
         steps.append(_record(view, pose, score, objective, proposal, timing))
+        if on_step is not None:
+            on_step(steps[-1])
         reached = None if proposal is None else _move_within_reach(move, pose, proposal.step)
         if proposal is None or reached is None:
             break

@@ -23,6 +23,23 @@ COMMANDS = (
         ("handsight view ablation figure7", "handsight view ablation figure7 --no-open --out figure7.html"),
         kept="the page is whole or was not written",
     ),
+    LazyCommand(
+        "heatmap",
+        "view.heatmap:heatmap_command",
+        "Look at predicted success over pictures, at all angles.",
+        (
+            "handsight view heatmap grasps --model runs/rgbd",
+            "handsight view heatmap grasps@v1 92 93 --model runs/rgbd --web",
+            "handsight view heatmap grasps --model runs/rgbd --wrong --where \"target == 'cup'\"",
+        ),
+        kept="a recording in --out is whole or was not written",
+    ),
+    LazyCommand(
+        "trace",
+        "view.trace:trace_command",
+        "Look at a recorded servo run.",
+        ("handsight view trace servo.rrd", "handsight view trace servo.rrd --picture step3.png --step 3"),
+    ),
 )
 
 

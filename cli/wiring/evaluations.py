@@ -21,6 +21,7 @@ from handsight.evaluation.journal import Journal, open_journal, trial_to_json
 from handsight.evaluation.one_look import loop_report
 from handsight.evaluation.report import evaluation_report
 from handsight.evaluation.trial import Trial
+from handsight.evaluation.watching import WatcherFactory
 from handsight.servoing.methods.registry import METHODS
 from handsight.training.run import load_run
 
@@ -55,6 +56,7 @@ def evaluate_model(
     out: Path | None = None,
     against: str | None = None,
     disturbance: Disturbance | None = None,
+    watch: WatcherFactory | None = None,
 ) -> dict[str, Any]:
     """Run the trials behind a progress bar; returns what ``evaluate --json`` prints.
 
@@ -66,6 +68,7 @@ def evaluate_model(
         out: Journal to begin or to go on with.
         against: Reference of the comparisons.
         disturbance: What is wrong with the stations; each method is then tried with one look too.
+        watch: Who watches the trials of each worker.
 
     Raises:
         ObjectSetError: Sets that cannot be used.
@@ -85,7 +88,7 @@ def evaluate_model(
         "objects": {name: station.settings() for name, station in stations.items()},
     }
     factories = {
-        name: TrialContextFactory(open_station=station, run=model, weights_sha256=run.weights_sha256)
+        name: TrialContextFactory(open_station=station, run=model, weights_sha256=run.weights_sha256, watch=watch)
         for name, station in stations.items()
     }
     servoing = tuple(name for name in settings.methods if METHODS[name].settings is not None)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -9,15 +10,21 @@ import torch
 from tests.support.scorers import FunctionScorer
 from torch import Tensor
 
+from handsight.collection.sim.arm_shape import Ur10Shape
 from handsight.collection.sim.config import SimConfig
 from handsight.collection.sim.station import SimStation
+from handsight.evaluation.foresight import Foresight
+from handsight.evaluation.temperature import Temperature
 from handsight.evaluation.trial import TrialRecording, run_trial
+from handsight.servoing.angle_maps import angle_maps
 from handsight.servoing.heatmap import Heatmap, grasp_heatmap
 from handsight.servoing.loop import ServoSettings
 from handsight.viz.examples import HeatmapExample
 from handsight.viz.recordings.servo_trace import write_servo_trace
 
 HEATMAP_SPACING_PX = 16
+ANGLES = 6
+THRESHOLD = 0.8
 
 
 def score_clear_of_jaws(inputs: Tensor) -> Tensor:
@@ -52,17 +59,39 @@ def heatmaps(trial: TrialRecording) -> list[Heatmap]:
 
 
 @pytest.fixture(scope="session")
-def trace_path(trial: TrialRecording, heatmaps: list[Heatmap], tmp_path_factory: pytest.TempPathFactory) -> Path:
+def arm() -> Ur10Shape:
+    """The arm of the simulated station."""
+    return Ur10Shape()
+
+
+@pytest.fixture(scope="session")
+def trace_path(
+    trial: TrialRecording, heatmaps: list[Heatmap], arm: Ur10Shape, tmp_path_factory: pytest.TempPathFactory
+) -> Path:
     """The run as a recording."""
     path = tmp_path_factory.mktemp("trace") / "servo.rrd"
-    write_servo_trace(path, trial, heatmaps)
+    write_servo_trace(path, trial, heatmaps, arm=arm)
     return path
 
 
 @pytest.fixture(scope="session")
-def examples(trial: TrialRecording, heatmaps: list[Heatmap]) -> list[HeatmapExample]:
-    """The first and the last picture of the run, as examples."""
+def examples(trial: TrialRecording) -> list[HeatmapExample]:
+    """The first and the last picture of the run, as examples; the last with calibrated scores."""
+    views = [trial.trace.steps[index].view for index in (0, -1)]
+    before, after = (angle_maps(view, CLEAR_OF_JAWS, angles=ANGLES, spacing_px=HEATMAP_SPACING_PX) for view in views)
+    softer = Temperature(value=2.0, attempts=50, source="made up")
+    held = trial.trial.success
+    seen = Foresight(attempt="0-0", target="block", held=held, raw=0.9, score=float(softer(0.9)))
     return [
-        HeatmapExample(view=trial.trace.steps[index].view, heatmap=heatmaps[index], title=title, held=held)
-        for index, title, held in ((0, "before", None), (-1, "after", trial.trial.success))
+        HeatmapExample(view=views[0], maps=before, title="before", threshold=THRESHOLD),
+        HeatmapExample(
+            view=views[1],
+            maps=replace(after, scores=softer(after.scores)),
+            title="after",
+            held=held,
+            grasp=(0.02, -0.01, 0.3),
+            foresight=seen,
+            temperature=softer,
+            threshold=THRESHOLD,
+        ),
     ]

@@ -19,7 +19,7 @@ from handsight.viz.pixels import place_heatmap
 JPEG_QUALITY = 85
 DEPTH_UNIT_M = 0.001
 """Unit of encoded depth where the camera's own is not known [m]."""
-MOST_DIFFERENCE = 0.5
+MOST_DIFFERENCE = 0.25
 """Difference of colours at which the colours that show it end; black and white differ by 1."""
 SCORE_UNITS = 65535.0
 """Of encoded scores from 0 to 1."""
@@ -27,10 +27,10 @@ OVERLAY_ORDER = 10.0
 """Draw order of heatmaps: over the picture, under every mark."""
 
 
-def jpeg(rgb: NDArray[np.uint8]) -> rr.EncodedImage:
+def jpeg(rgb: NDArray[np.uint8], *, draw_order: float | None = None) -> rr.EncodedImage:
     """A colour picture (H, W, 3), slightly lossy."""
     contents = _encode(".jpg", cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
-    return rr.EncodedImage(contents=contents, media_type="image/jpeg")
+    return rr.EncodedImage(contents=contents, media_type="image/jpeg", draw_order=draw_order)
 
 
 def png(pixels: NDArray[np.uint8], *, draw_order: float | None = None) -> rr.EncodedImage:

@@ -32,6 +32,8 @@ LABEL_COLOUR: Rgb = (255, 255, 255)
 FINGER_HALF_THICKNESS_M = 0.006
 FINGER_LENGTH_M = 0.05
 PALM_HALF_SIZE_M = (0.052, 0.011, 0.011)
+BODY_HALF_SIZE_M = (0.032, 0.032, 0.044)
+"""Of the gripper's body, from its palm to the flange, which is 160 mm above the fingertips."""
 
 
 def log_jaws(
@@ -44,22 +46,26 @@ def log_jaws(
     colour: Rgb,
     dashed: bool = False,
     static: bool = False,
+    above: float = 0.0,
 ) -> None:
     """Log the jaws as they would stand after ``step``, outlined in black so that they show on any picture.
 
-    The line between them is dashed where ``dashed``, as it is for grasps that failed.
+    The line between them is dashed where ``dashed``, as it is for grasps that failed. Those with more ``above`` lie
+    over those with less.
     """
     strips = jaw_strips(frame, step, width_m, dashed=dashed)
     radii = np.array([FINGER_UI, FINGER_UI, *[CLOSING_UI] * (len(strips) - 2)])
     # In one entity the outline would be blended with its line: two entities, two draw orders.
     recording.log(
         f"{path}/outline",
-        rr.LineStrips2D(strips, colors=[OUTLINE], radii=rr.Radius.ui_points(radii + OUTLINE_UI), draw_order=JAWS_ORDER),
+        rr.LineStrips2D(
+            strips, colors=[OUTLINE], radii=rr.Radius.ui_points(radii + OUTLINE_UI), draw_order=JAWS_ORDER + above
+        ),
         static=static,
     )
     recording.log(
         f"{path}/line",
-        rr.LineStrips2D(strips, colors=[colour], radii=rr.Radius.ui_points(radii), draw_order=JAWS_ORDER + 1),
+        rr.LineStrips2D(strips, colors=[colour], radii=rr.Radius.ui_points(radii), draw_order=JAWS_ORDER + above + 1),
         static=static,
     )
 
@@ -138,7 +144,7 @@ def log_label(
 
 
 def gripper_boxes(stroke_m: float, *, colour: Rgb = STEEL) -> rr.Boxes3D:
-    """Palm and open fingers in the tool frame: origin between the fingertips, x closing, z approach."""
+    """Body, palm and open fingers in the tool frame: origin between the fingertips, x closing, z approach."""
     finger_x_m = 0.5 * stroke_m + FINGER_HALF_THICKNESS_M
     finger = (FINGER_HALF_THICKNESS_M, FINGER_HALF_WIDTH_M, 0.5 * FINGER_LENGTH_M)
     return rr.Boxes3D(
@@ -146,8 +152,9 @@ def gripper_boxes(stroke_m: float, *, colour: Rgb = STEEL) -> rr.Boxes3D:
             (-finger_x_m, 0.0, -0.5 * FINGER_LENGTH_M),
             (finger_x_m, 0.0, -0.5 * FINGER_LENGTH_M),
             (0.0, 0.0, -FINGER_LENGTH_M - PALM_HALF_SIZE_M[2]),
+            (0.0, 0.0, -FINGER_LENGTH_M - 2 * PALM_HALF_SIZE_M[2] - BODY_HALF_SIZE_M[2]),
         ],
-        half_sizes=[finger, finger, PALM_HALF_SIZE_M],
+        half_sizes=[finger, finger, PALM_HALF_SIZE_M, BODY_HALF_SIZE_M],
         colors=[colour],
         fill_mode="solid",
     )

@@ -22,8 +22,12 @@ TIMELINE = "servo_step"
 CAMERA = "/world/tool/camera"
 OUTSIDE = "/scene/rgb"
 BACKGROUND = (18, 20, 24)
-EYE_OFFSET_M = (0.72, -0.92, 0.62)
+EYE_OFFSET_M = (0.54, -0.70, 0.50)
 """From the middle of the scene to the eye: in front of the robot and to its right, looking down at 30 degrees."""
+ARM_EYE = 1.45
+"""So much farther the eye is where an arm has to fit in."""
+EYE_HEIGHT = 0.75
+"""Share of the pre-grasp height at which the eye of a trace looks."""
 INPUTS = (("Input · colour", "input/rgb"), ("Input · height", "input/height"))
 
 
@@ -64,7 +68,7 @@ class TraceRanges:
         centre_m = (
             0.5 * (middle_m[0] + overhead_x_m),
             0.5 * (middle_m[1] + overhead_y_m),
-            0.30 * station.pregrasp_height_m,
+            EYE_HEIGHT * station.pregrasp_height_m,
         )
         return cls(width_px=k.width, height_px=k.height, scene_centre_m=centre_m, **ranges)
 
@@ -116,7 +120,7 @@ def _outside_view(width_px: int, height_px: int) -> rrb.Spatial2DView:
 def _scene_view(ranges: TraceRanges) -> rrb.Spatial3DView:
     x_m, y_m, z_m = ranges.scene_centre_m
     offset_x_m, offset_y_m, offset_z_m = EYE_OFFSET_M
-    hidden = ("depth", "samples/**", "text/**", "scale", "contour/**", "gradient")
+    hidden = ("depth", "muted", "samples/**", "text/**", "scale", "contour/**", "gradient")
     return rrb.Spatial3DView(
         name="Scene",
         origin="/world",
@@ -124,23 +128,29 @@ def _scene_view(ranges: TraceRanges) -> rrb.Spatial3DView:
         background=BACKGROUND,
         line_grid=False,
         eye_controls=rrb.EyeControls3D(
-            position=(x_m + offset_x_m, y_m + offset_y_m, z_m + offset_z_m),
+            position=(x_m + ARM_EYE * offset_x_m, y_m + ARM_EYE * offset_y_m, z_m + offset_z_m),
             look_target=(x_m, y_m, z_m),
             eye_up=(0.0, 0.0, 1.0),
         ),
     )
 
 
-def _picture_view(ranges: TraceRanges) -> rrb.Spatial2DView:
-    return rrb.Spatial2DView(
-        name="Picture · S · samples · chosen step · gradient"
-        if ranges.slope
-        else "Picture · S · samples · chosen step",
-        origin=CAMERA,
-        contents=["+ $origin/**", f"- {CAMERA}/depth"],
-        background=BACKGROUND,
-        visual_bounds=picture_bounds(ranges.width_px, ranges.height_px + HEIGHT_PX),
-    )
+def _picture_view(ranges: TraceRanges) -> rrb.Tabs:
+    """The picture with all that was scored and chosen, and the same in its own colours."""
+    name = "S · samples · chosen step · gradient" if ranges.slope else "S · samples · chosen step"
+    layers = ("rgb", "muted", "heat", "contour/**", "samples/**", "arrow", "gradient", "jaws/**", "text", "scale")
+
+    def picture(name: str, shown: Sequence[str]) -> rrb.Spatial2DView:
+        return rrb.Spatial2DView(
+            name=name,
+            origin=CAMERA,
+            contents=["+ $origin", *(f"+ $origin/{layer}" for layer in shown)],
+            background=BACKGROUND,
+            visual_bounds=picture_bounds(ranges.width_px, ranges.height_px + HEIGHT_PX),
+        )
+
+    bare = [layer for layer in layers if layer not in ("muted", "heat")]
+    return rrb.Tabs(picture(name, layers), picture("In colour", bare), active_tab=0)
 
 
 def _depth_view(ranges: TraceRanges) -> rrb.Spatial2DView:
@@ -162,7 +172,7 @@ def _next_views(size_px: int) -> list[rrb.Spatial2DView]:
     """What the chosen step was to lead to, and what it led to."""
     return _square_views(
         size_px,
-        (("Next view, predicted", "next/predicted"), ("Observed", "next/observed"), ("Difference", "next/difference")),
+        (("Predicted", "next/predicted"), ("Observed", "next/observed"), ("Difference", "next/difference")),
     )
 
 

@@ -13,13 +13,14 @@ from numpy.typing import NDArray
 
 from handsight.datasets.errors import counted
 from handsight.evaluation.trial import TrialRecording
+from handsight.evaluation.watching import TrialStart
 from handsight.servoing.heatmap import Heatmap
 from handsight.viz.errors import RecordingError
 from handsight.viz.pixels import place_heatmap
 from handsight.viz.recordings.arm_drawing import DrawnArm
 from handsight.viz.recordings.layouts import TraceRanges, trace_blueprint
 from handsight.viz.recordings.recording import write_recording
-from handsight.viz.recordings.trace_log import TraceLog, TraceStart, mm_deg
+from handsight.viz.recordings.trace_log import TraceLog, mm_deg
 
 KIND = "handsight_servo_trace"
 HALF_RANGES = (5.5, 11.0, 22.0, 33.0, 55.0, 110.0)
@@ -51,7 +52,7 @@ def write_servo_trace(
     name = f"{trace.method}-{recording.trial.number:06d}"
     blueprint = trace_blueprint(_ranges(recording, outside))
     with write_recording(path, kind=KIND, name=name, blueprint=blueprint) as stream:
-        log = TraceLog(stream, trace_start(recording, arm))
+        log = TraceLog(stream, trial_start(recording), arm)
         log.begin()
         for number, step in enumerate(trace.steps):
             log.step(
@@ -62,16 +63,15 @@ def write_servo_trace(
         log.end(recording)
 
 
-def trace_start(recording: TrialRecording, arm: DrawnArm | None) -> TraceStart:
+def trial_start(recording: TrialRecording) -> TrialStart:
     """What was known of a trial before its first step."""
-    return TraceStart(
+    return TrialStart(
         method=recording.trace.method,
         number=recording.trial.number,
         threshold=recording.trace.threshold,
         station=recording.station,
         overhead=recording.overhead,
         scene=recording.scene,
-        arm=arm,
     )
 
 

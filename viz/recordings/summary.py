@@ -47,12 +47,14 @@ def trial_summary(recording: TrialRecording) -> rr.TextDocument:
         ("compute", f"{compute_ms(trial.compute_s)} per step"),
     ]
     if why := cause(recording):
-        rows.insert(1, ("cause", f"**{why}**: {CAUSES[why]}"))
+        rows.insert(1, ("cause", f"**{why}**"))
     if trial.truth_held is not None:
         rows.append(("truth", "object held" if trial.truth_held else "nothing held"))
     table = [f"| {name} | {value} |" for name, value in rows]
     # Markdown tables need a head: the first row is one.
     lines = [f"# {trace.method} · trial {trial.number}", "", table[0], "|:--|:--|", *table[1:]]
+    if why:
+        lines += ["", f"{why}: {CAUSES[why]}."]
     return rr.TextDocument("\n".join(lines) + "\n", media_type="text/markdown")
 
 

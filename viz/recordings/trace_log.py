@@ -5,7 +5,8 @@ Step k of the timeline ``servo_step`` is pass k of the loop. Entities:
     world/{table, objects}                              the scene, once
     world/arm                                           the arm's links at every step, where its model is known
     world/tool/{gripper, camera}                        gripper and camera at every step
-    world/tool/camera/{rgb, heat, contour, depth}       pictures, in raw pixels; threshold around the heat
+    world/tool/camera/{rgb, depth}                      pictures, in raw pixels
+    world/tool/camera/{muted, heat, contour}            predicted success, over little colour; threshold around it
     world/tool/camera/{samples, arrow, gradient, jaws, text}    what was scored and chosen, over the pictures
     world/tool/camera/scale                             colours of scores
     world/{trajectory, grasp}                           where the tool has been, where it grasped
@@ -22,20 +23,22 @@ Step k of the timeline ``servo_step`` is pass k of the loop. Entities:
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from handsight.datasets.records import RgbdFrame, SceneObjects, StationSpec
+from handsight.datasets.records import StationSpec
 from handsight.evaluation.trial import TrialRecording
+from handsight.evaluation.watching import TrialStart
 from handsight.servoing.heatmap import Heatmap
 from handsight.servoing.loop import ServoStep
 from handsight.servoing.optimiser import Proposal
 from handsight.viz import palette
-from handsight.viz.heat_look import contours
-from handsight.viz.pixels import CENTRE_PX, PictureFrame
+from handsight.viz.heat_look import contours, muted
+from handsight.viz.pixels import CENTRE_PX, PictureFrame, Step
 from handsight.viz.recordings.arm_drawing import DrawnArm, log_arm, log_arm_shape
 from handsight.viz.recordings.encoding import (
     depth_png,
@@ -54,11 +57,15 @@ from handsight.viz.recordings.summary import cause, outcome, step_table, trial_s
 
 IMAGE_PLANE_M = 0.16
 """Distance from the camera at which the scene shows its picture."""
+MUTED_ORDER = 5.0
+"""Over the picture in its colours, under heat."""
 SAMPLES_ORDER = 20.0
 ARROW_FROM_M = 0.001
 """A grasp nearer than this is executed from here: it needs no arrow, and its jaws would cover those shown."""
 GRADIENT_M = 0.10
-"""Length of the arrow of a gradient that gains a whole S over one sampling range [m]."""
+"""Length that the arrow of a gradient approaches as it gets steeper [m]."""
+STEEP = 0.1
+"""Gradient, in S per sampling range, whose arrow is half as long."""
 MOST_SAMPLES = 1500
 """Of a step are shown."""
 NO_NEXT = "no next view"
@@ -78,34 +85,24 @@ SERIES = {
 }
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TraceStart:
-    """What is known before the first step."""
-
-    method: str
-    number: int
-    """Of the trial."""
-    threshold: float
-    station: StationSpec
-    overhead: RgbdFrame
-    scene: SceneObjects | None
-    arm: DrawnArm | None = None
-
-
 @dataclass(slots=True)
 class TraceLog:
     """Logs one servo run to a stream."""
 
     stream: rr.RecordingStream
-    start: TraceStart
+    start: TrialStart
+    arm: DrawnArm | None = None
+    """The station's arm; None draws its gripper alone."""
+    live: bool = False
+    """Whether somebody watches, who is told how far the run is until there is a summary."""
     _steps: list[ServoStep] = field(default_factory=list)
 
     def begin(self) -> None:
         """Log what does not move."""
         start, stream = self.start, self.stream
         log_scene(stream, start.overhead, start.station, start.scene)
-        if start.arm is not None:
-            log_arm_shape(stream, start.arm)
+        if self.arm is not None:
+            log_arm_shape(stream, self.arm)
         _log_camera(stream, start.station)
         k = start.station.camera.intrinsics
         stream.log(
@@ -136,7 +133,8 @@ class TraceLog:
         self._log_plots(step)
         if outside is not None:
             stream.log(OUTSIDE, jpeg(outside))
-        stream.log("text/trial", under_way(self.start.method, self.start.number, len(self._steps), step.score))
+        if self.live:
+            stream.log("text/trial", under_way(self.start.method, self.start.number, len(self._steps), step.score))
 
     def end(self, recording: TrialRecording) -> None:
         """Log the grasp, in the colour of what came of it, and the summary."""
@@ -152,7 +150,7 @@ class TraceLog:
                 number=trial.number,
                 success=trial.success,
                 outcome=outcome(recording),
-                cause=cause(recording),
+                cause=cause(recording) or "none",
                 moves=trial.moves,
                 final_score=trace.grasp_score,
                 threshold=trace.threshold,
@@ -165,8 +163,8 @@ class TraceLog:
         poses = [step.pose.pose_base_tool(height_m) for step in self._steps]
         stream = self.stream
         stream.log("world/tool", rr.Transform3D(translation=poses[-1][:3, 3], mat3x3=poses[-1][:3, :3]))
-        if self.start.arm is not None:
-            log_arm(stream, self.start.arm, poses[-1])
+        if self.arm is not None:
+            log_arm(stream, self.arm, poses[-1])
         path_m = np.array([pose[:3, 3] for pose in poses])  # (number + 1, 3)
         stream.log("world/trajectory/path", rr.LineStrips3D([path_m], colors=[palette.TRAJECTORY], radii=[0.0025]))
         stream.log("world/trajectory/stops", rr.Points3D(path_m, colors=[palette.TRAJECTORY], radii=[0.005]))
@@ -176,6 +174,7 @@ class TraceLog:
         height_m = spec.pregrasp_height_m - spec.camera.z_tool_camera_m
         stream.log(f"{CAMERA}/rgb", jpeg(view.rgb))
         if heatmap is not None:
+            stream.log(f"{CAMERA}/muted", jpeg(muted(view.rgb), draw_order=MUTED_ORDER))
             log_overlay(stream, f"{CAMERA}/heat", heatmap)
             lines = [line + CENTRE_PX for line in contours(heatmap, self.start.threshold)]
             log_outlined(stream, f"{CAMERA}/contour", lines)
@@ -195,11 +194,10 @@ class TraceLog:
         _log_samples(stream, step.proposal, frame)
         dx_m, dy_m, dangle_rad = step.proposal.step.tolist()
         chosen = (dx_m, dy_m, dangle_rad)
-        log_jaws(stream, f"{CAMERA}/jaws/chosen", frame, chosen, width_m=width_m, colour=palette.CHOSEN)
+        log_jaws(stream, f"{CAMERA}/jaws/chosen", frame, chosen, width_m=width_m, colour=palette.CHOSEN, above=2.0)
         log_arrow(stream, f"{CAMERA}/arrow", frame, chosen, colour=palette.CHOSEN)
         if step.proposal.gradient is not None:
-            slope = step.proposal.gradient.tolist()
-            uphill = (GRADIENT_M * slope[0], GRADIENT_M * slope[1], 0.0)
+            uphill = _uphill(step.proposal.gradient.tolist())
             log_arrow(stream, f"{CAMERA}/gradient", frame, uphill, colour=palette.TRAJECTORY)
         text = f"S {step.score:.2f} → {step.predicted:.2f}"
         log_label(stream, f"{CAMERA}/text", frame, [STAY, chosen], text, width_m=width_m)
@@ -209,8 +207,11 @@ class TraceLog:
         if step.predicted_inputs is not None:
             self.stream.log("next/predicted", png(_colours(step.predicted_inputs.numpy(force=True))))
             return
+        blank = np.zeros(step.inputs.shape[-2:], np.float32)
+        self.stream.log("next/predicted", png(_colours(np.stack([blank] * 3))))
+        self.stream.log("next/observed", png(_colours(np.stack([blank] * 3))))
+        self.stream.log("next/difference", difference_image(blank))
         for name in ("predicted", "observed", "difference"):
-            self.stream.log(f"next/{name}", rr.Clear(recursive=False))
             note = rr.Points2D(
                 [[NOTE_PX, NOTE_PX]], radii=[0.0], labels=[NO_NEXT], colors=[palette.HERE], show_labels=True
             )
@@ -256,7 +257,8 @@ class TraceLog:
         else:
             stream.log(f"{CAMERA}/jaws/here", rr.Clear(recursive=True))
         missed, width_m = not recording.trial.success, spec.gripper_stroke_m
-        log_jaws(stream, f"{CAMERA}/jaws/grasp", frame, grasp, width_m=width_m, colour=colour, dashed=missed)
+        jaws = f"{CAMERA}/jaws/grasp"
+        log_jaws(stream, jaws, frame, grasp, width_m=width_m, colour=colour, dashed=missed, above=2.0)
         text = f"{outcome(recording)} · S {trace.grasp_score:.2f}"
         log_label(stream, f"{CAMERA}/text", frame, [grasp], text, width_m=spec.gripper_stroke_m)
         pose = trace.grasp_pose.pose_base_tool(0.0)
@@ -264,6 +266,13 @@ class TraceLog:
         stream.log("world/grasp/jaws", rr.Transform3D(translation=pose[:3, 3], mat3x3=pose[:3, :3]))
         stream.log("world/grasp/jaws", gripper_boxes(spec.gripper_stroke_m, colour=colour))
         stream.log("world/grasp/descent", rr.LineStrips3D([[start_m, pose[:3, 3]]], colors=[colour], radii=[0.002]))
+
+
+def _uphill(gradient: Sequence[float]) -> Step:
+    """Where S rises on the table, as a step whose length grows with the slope and stays within the picture."""
+    slope_x, slope_y, _ = gradient
+    share = GRADIENT_M / (math.hypot(slope_x, slope_y) + STEEP)
+    return share * slope_x, share * slope_y, 0.0
 
 
 def mm_deg(proposal: Proposal) -> tuple[float, float, float]:

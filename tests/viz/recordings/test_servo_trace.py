@@ -4,19 +4,23 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 from numpy.typing import NDArray
 from tests.support.rrd import Content, at, decode, read_recording, scalars, verify
 
+from handsight.collection.sim.arm_shape import Ur10Shape
 from handsight.evaluation.trial import TrialRecording
 from handsight.servoing.heatmap import Heatmap
 from handsight.viz import palette
 from handsight.viz.errors import RecordingError, VizError
 from handsight.viz.recordings.layouts import OUTSIDE
 from handsight.viz.recordings.servo_trace import write_servo_trace
+from handsight.viz.recordings.trace_log import MOST_SAMPLES
 
 TIMELINE = "servo_step"
 CAMERA = "/world/tool/camera"
@@ -28,7 +32,17 @@ ENTITIES = {
     "/world/tool/gripper",
     CAMERA,
     f"{CAMERA}/rgb",
+    f"{CAMERA}/muted",
     f"{CAMERA}/heat",
+    f"{CAMERA}/contour/line",
+    f"{CAMERA}/scale",
+    "/world/arm/base_link",
+    "/world/arm/wrist_3_link",
+    "/next/predicted",
+    "/next/observed",
+    "/next/difference",
+    "/plots/time/look_ms",
+    "/plots/time/compute_ms",
     f"{CAMERA}/depth",
     f"{CAMERA}/samples/score",
     f"{CAMERA}/arrow",
@@ -46,7 +60,7 @@ ENTITIES = {
     "/plots/score/threshold",
     "/plots/step/dx_mm",
     "/plots/step/dy_mm",
-    "/plots/step/dangle_deg",
+    "/plots/turn/dangle_deg",
     "/text/trial",
     "/text/steps",
 }
@@ -71,8 +85,14 @@ def test_rerun_finds_nothing_wrong_with_the_file(trace_path: Path) -> None:
     assert result.returncode == 0, result.stdout + result.stderr
 
 
-def test_a_run_of_ten_steps_stays_under_two_megabytes(trace_path: Path, trial: TrialRecording) -> None:
-    assert trace_path.stat().st_size / len(trial.trace.steps) < 200_000
+def test_a_run_of_twelve_steps_stays_under_three_megabytes(
+    trial: TrialRecording, heatmaps: list[Heatmap], arm: Ur10Shape, tmp_path: Path
+) -> None:
+    first = trial.trace.steps[0]
+    steps = (first,) * 11 + trial.trace.steps[-1:]
+    longer = dataclasses.replace(trial, trace=dataclasses.replace(trial.trace, steps=steps))
+    write_servo_trace(tmp_path / "long.rrd", longer, [heatmaps[0]] * 12, arm=arm)
+    assert (tmp_path / "long.rrd").stat().st_size <= 3_000_000
 
 
 def test_plotted_scores_are_those_of_the_trace(content: Content, trial: TrialRecording) -> None:
@@ -86,9 +106,92 @@ def test_plotted_scores_are_those_of_the_trace(content: Content, trial: TrialRec
 
 def test_plotted_steps_are_those_of_the_trace(content: Content, trial: TrialRecording) -> None:
     chosen = {k: step.proposal.step.tolist() for k, step in enumerate(trial.trace.steps) if step.proposal}
-    for index, (name, unit) in enumerate((("dx_mm", 1e3), ("dy_mm", 1e3), ("dangle_deg", 180 / math.pi))):
+    units = (("step/dx_mm", 1e3), ("step/dy_mm", 1e3), ("turn/dangle_deg", 180 / math.pi))
+    for index, (name, unit) in enumerate(units):
         expected = {k: unit * step[index] for k, step in chosen.items()}
-        assert dict(scalars(content, f"/plots/step/{name}")) == pytest.approx(expected)
+        assert dict(scalars(content, f"/plots/{name}")) == pytest.approx(expected)
+
+
+def test_plotted_times_are_those_of_the_trace(content: Content, trial: TrialRecording) -> None:
+    for name in ("look", "compute"):
+        expected = [(k, 1e3 * getattr(step, f"{name}_s")) for k, step in enumerate(trial.trace.steps)]
+        assert scalars(content, f"/plots/time/{name}_ms") == expected
+
+
+def test_the_view_foreseen_stands_beside_the_one_that_came(content: Content, trial: TrialRecording) -> None:
+    """At each step what the homography predicted of the chosen step, what was then seen, and how they differ."""
+    steps = trial.trace.steps
+    for k, (step, after) in enumerate(pairwise(steps)):
+        assert step.predicted_inputs is not None
+        for name, inputs in (("predicted", step.predicted_inputs), ("observed", after.inputs)):
+            rgb = decode(at(content[f"/next/{name}"]["EncodedImage:blob"], k)[0])
+            expected = np.clip(inputs[:3].numpy().transpose(1, 2, 0), 0, 1)
+            np.testing.assert_allclose(rgb / 255, expected, atol=0.5 / 255 + 1e-6)
+        raw = np.array(at(content["/next/difference"]["DepthImage:buffer"], k)[0], dtype=np.uint8).view(np.float32)
+        differs = (step.predicted_inputs[:3] - after.inputs[:3]).abs().mean(0).numpy()
+        np.testing.assert_allclose(raw, differs.ravel(), atol=1e-6)
+    last = len(steps) - 1
+    assert at(content["/next/predicted/note"]["Points2D:labels"], last) == ["no next view"]
+    assert not decode(at(content["/next/predicted"]["EncodedImage:blob"], last)[0]).any()
+
+
+def test_the_arm_stands_with_its_flange_over_the_fingertips(content: Content, trial: TrialRecording) -> None:
+    """From the last link it is 92 mm to the flange and 160 mm more to the fingertips, along its y axis."""
+    link = content["/world/arm/wrist_3_link"]
+    for k, step in enumerate(trial.trace.steps):
+        origin_m = np.array(at(link["Transform3D:translation"], k)[0])
+        matrix = np.array(at(link["Transform3D:mat3x3"], k)[0]).reshape(3, 3, order="F")
+        tip_m = origin_m + (0.0922 + 0.160) * matrix[:, 1]
+        np.testing.assert_allclose(tip_m, [step.pose.x_m, step.pose.y_m, trial.station.pregrasp_height_m], atol=1e-3)
+    vertices = content["/world/arm/base_link"]["Mesh3D:vertex_positions"]
+    assert [time for time, _ in vertices] == [None]
+
+
+def test_a_gradient_is_drawn_uphill_and_plotted(trial: TrialRecording, tmp_path: Path) -> None:
+    first = trial.trace.steps[0]
+    assert first.proposal is not None
+    proposal = dataclasses.replace(first.proposal, gradient=torch.tensor([0.3, -0.4, 0.1]))
+    steps = (dataclasses.replace(first, proposal=proposal), *trial.trace.steps[1:])
+    sloped = dataclasses.replace(trial, trace=dataclasses.replace(trial.trace, steps=steps))
+    write_servo_trace(tmp_path / "trace.rrd", sloped)
+    content = read_recording(tmp_path / "trace.rrd", timeline=TIMELINE)
+    vector_px = np.array(at(content[f"{CAMERA}/gradient"]["Arrows2D:vectors"], 0)[0])
+    np.testing.assert_allclose(vector_px / np.linalg.norm(vector_px), [0.6, -0.8], atol=1e-4)
+    assert dict(scalars(content, "/plots/gradient/y"))[0] == pytest.approx(-0.4)
+
+
+@pytest.mark.parametrize(("closed_m", "cause"), [(0.0, "at the table, closed on nothing"), (0.03, "gripped and lost")])
+def test_a_failure_is_told_with_its_cause(trial: TrialRecording, tmp_path: Path, closed_m: float, cause: str) -> None:
+    failed = dataclasses.replace(
+        trial.trial,
+        success=False,
+        failure="",
+        truth_held=False,
+        contact_force_n=0.0,
+        contact_height_m=0.0,
+        closed_m=closed_m,
+        lifted_m=0.0,
+        final_m=0.0,
+    )
+    write_servo_trace(tmp_path / "trace.rrd", dataclasses.replace(trial, trial=failed))
+    content = read_recording(tmp_path / "trace.rrd", timeline=TIMELINE)
+    assert cause in content["/text/trial"]["TextDocument:text"][-1][1][0]
+    (((_, told),)) = content["/__properties/trial"]["cause"]
+    assert cause in told[0]
+
+
+def test_many_samples_are_cut_to_the_best(trial: TrialRecording, tmp_path: Path) -> None:
+    first = trial.trace.steps[0]
+    assert first.proposal is not None
+    scores = torch.linspace(0, 1, 2 * MOST_SAMPLES)
+    crowd = dataclasses.replace(first.proposal, samples=torch.zeros(len(scores), 3), scores=scores)
+    steps = (dataclasses.replace(first, proposal=crowd), *trial.trace.steps[1:])
+    write_servo_trace(
+        tmp_path / "trace.rrd", dataclasses.replace(trial, trace=dataclasses.replace(trial.trace, steps=steps))
+    )
+    content = read_recording(tmp_path / "trace.rrd", timeline=TIMELINE)
+    shown = at(content[f"{CAMERA}/samples/score"]["score"], 0)
+    np.testing.assert_allclose(shown, scores[MOST_SAMPLES:].numpy())
 
 
 def test_the_tool_stands_where_the_trace_says(content: Content, trial: TrialRecording) -> None:
@@ -220,13 +323,13 @@ def test_the_summary_says_how_it_went(content: Content, trial: TrialRecording) -
     assert table.count("\n| ") == len(trial.trace.steps)
     properties = content["/__properties/trial"]
     assert properties["method"][0][1] == ["cem-1"]
-    assert properties["score"][0][1] == [trial.trace.grasp_score]
+    assert properties["final_score"][0][1] == [trial.trace.grasp_score]
 
 
 def test_the_same_trial_gives_the_same_content(
-    content: Content, trial: TrialRecording, heatmaps: list[Heatmap], tmp_path: Path
+    content: Content, trial: TrialRecording, heatmaps: list[Heatmap], arm: Ur10Shape, tmp_path: Path
 ) -> None:
-    write_servo_trace(tmp_path / "again.rrd", trial, heatmaps)
+    write_servo_trace(tmp_path / "again.rrd", trial, heatmaps, arm=arm)
     assert read_recording(tmp_path / "again.rrd", timeline=TIMELINE) == content
 
 
