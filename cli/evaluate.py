@@ -18,16 +18,19 @@ from handsight.cli.options import (
     METHOD_NAMES,
     MOST_TRIALS,
     NOVEL_OBJECTS,
+    EngineName,
     Gripper,
     Json,
     Live,
     LiveUrl,
     Model,
+    RayAddress,
     Threshold,
     TrialSeed,
     Workers,
 )
 from handsight.cli.output import errors, print_json
+from handsight.cli.wiring.engines import check_engine, engine_named
 from handsight.training.run_folder import check_finished_run
 
 
@@ -93,9 +96,12 @@ def evaluate_command(
     causes: Annotated[bool, typer.Option("--causes", help="Print the failures by cause.")] = False,
     live: Live = False,
     live_url: LiveUrl = None,
+    engine: EngineName = "local",
+    ray_address: RayAddress = None,
     as_json: Json = False,
 ) -> None:
     """Compare servo methods on the same scenes and starting poses (section V-B.2)."""
+    check_engine(engine, ray_address)
     check_finished_run(model)
     if out is not None:
         check_out_file(out)
@@ -122,9 +128,17 @@ def evaluate_command(
     disturbance = None if disturb is None else Disturbance.parse(disturb)
     if figure is not None:
         _check_figure(figure, settings.methods)
-    with live_watch(live=live, url=live_url) as watch:
+    with live_watch(live=live, url=live_url) as watch, engine_named(engine, ray_address, workers) as started:
         results = evaluate_model(
-            model, objects, settings, gripper=gripper, out=out, against=against, disturbance=disturbance, watch=watch
+            model,
+            objects,
+            settings,
+            gripper=gripper,
+            out=out,
+            against=against,
+            disturbance=disturbance,
+            watch=watch,
+            engine=started,
         )
     if figure is not None:
         from handsight.viz.figures.durations import durations_figure

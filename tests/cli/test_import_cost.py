@@ -94,6 +94,8 @@ REFUSED = {
     "runs compare one": ("runs compare {no}", "expected two or more"),
     "evaluate": ("evaluate --model {no}", "is no folder"),
     "evaluate a folder": ("evaluate --model {grasps}", "holds no finished run"),
+    "dataset score": ("dataset score {no} fine --model {no}", "there is no dataset"),
+    "dataset score in no way": ("dataset score {grasps} fine", "expected one of --model"),
     "dataset similar": ("dataset similar {no} 1 --model {no}", "there is no dataset"),
     "view dataset": ("view dataset {no}", "there is no dataset"),
     "view dataset in two ways": ("view dataset {grasps} --web --picture x.png", "expected one of them"),
@@ -113,6 +115,7 @@ REFUSED = {
     "collect by a network that is not there": ("collect sim {no} --policy servo --model {no}", "is no folder"),
     "collect by chance with a network": ("collect sim {no} --model {no}", "--model goes with"),
     "collect on no cluster": ("collect sim {no} --ray-address host:1", "--ray-address host:1 goes with"),
+    "evaluate on no cluster": ("evaluate --model {no} --ray-address host:1", "--ray-address host:1 goes with"),
     "picture": ("collect picture --out {no}.jpg", "ends in .png"),
 }
 

@@ -50,8 +50,8 @@ def log_jaws(
 ) -> None:
     """Log the jaws as they would stand after ``step``, outlined in black so that they show on any picture.
 
-    The line between them is dashed where ``dashed``, as it is for grasps that failed. Those with more ``above`` lie
-    over those with less.
+    The line between them is dashed where ``dashed``, as it is for grasps that failed. Jaws
+    with more ``above`` lie over those with less.
     """
     strips = jaw_strips(frame, step, width_m, dashed=dashed)
     radii = np.array([FINGER_UI, FINGER_UI, *[CLOSING_UI] * (len(strips) - 2)])

@@ -257,8 +257,16 @@ class TraceLog:
         else:
             stream.log(f"{CAMERA}/jaws/here", rr.Clear(recursive=True))
         missed, width_m = not recording.trial.success, spec.gripper_stroke_m
-        jaws = f"{CAMERA}/jaws/grasp"
-        log_jaws(stream, jaws, frame, grasp, width_m=width_m, colour=colour, dashed=missed, above=2.0)
+        log_jaws(
+            stream,
+            f"{CAMERA}/jaws/grasp",
+            frame,
+            grasp,
+            width_m=width_m,
+            colour=colour,
+            dashed=missed,
+            above=2.0,
+        )
         text = f"{outcome(recording)} · S {trace.grasp_score:.2f}"
         log_label(stream, f"{CAMERA}/text", frame, [grasp], text, width_m=spec.gripper_stroke_m)
         pose = trace.grasp_pose.pose_base_tool(0.0)
