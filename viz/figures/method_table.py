@@ -120,7 +120,7 @@ def _draw_set(
     trials = f"n = {counts[0]}" if len(counts) == 1 else f"n = {counts[0]} to {counts[-1]}"
     # Sets are called after what they are for.
     seen = objects.endswith("-train")
-    dress(axes, shortened(objects), f"{trials}; {'training' if seen else 'novel'} objects", grid="x")
+    dress(axes, shortened(objects), f"{trials}; objects {'of the training set' if seen else 'never seen'}", grid="x")
     for at, method in enumerate(methods):
         if method in paper:
             rate = paper[method].training if seen else paper[method].testing

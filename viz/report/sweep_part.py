@@ -79,7 +79,7 @@ def _facts(plan: SweepPlan, tally: Mapping[str, int]) -> Facts:
 
 
 def _figure(rows: list[SweepRow], objects: list[ObjectRow], command: str) -> Figure:
-    told = "; ".join(f"{row.series} on {row.trained_on:,.0f} attempts {percent(row.accuracy.mean)}" for row in rows)
+    told = "; ".join(f"{row.series} {percent(row.accuracy.mean)} at {row.trained_on:,.0f}" for row in rows)
     return Figure(
         picture=embedded_svg(lambda path: ablation_figure(rows, objects, path)),
         alt=f"Curves of balanced accuracy and area under the ROC curve over the size of the training set: {told}.",

@@ -46,5 +46,5 @@ def test_a_folder_of_nothing_and_one_of_too_much_are_refused(tmp_path: Path, mon
     with pytest.raises(ReportError, match="holds nothing that a report can tell of"):
         folder_contents(tmp_path)
     monkeypatch.setattr(folder, "MOST_ENTRIES", 1)
-    with pytest.raises(ReportError, match="holds 2 files and folders, expected at most 1"):
+    with pytest.raises(ReportError, match="holds 2 entries, expected at most 1"):
         folder_contents(tmp_path)
