@@ -9,7 +9,7 @@ import typer
 
 from handsight.cli.completion import complete_object_sets, words
 from handsight.cli.errors import CommandError
-from handsight.cli.opening import check_out_file
+from handsight.cli.opening import check_folder, check_out_file
 from handsight.cli.options import (
     DEFAULT_GRIPPER,
     DEFAULT_THRESHOLD,
@@ -84,6 +84,14 @@ def evaluate_command(
     figure: Annotated[
         Path | None, typer.Option(metavar="FILE.png", help="Draw the trials by their number of servo moves (figure 9).")
     ] = None,
+    figures: Annotated[
+        Path | None,
+        typer.Option(
+            "--figures",
+            metavar="DIR",
+            help="Draw everything into this folder as PNG and SVG: rates, the table, moves (figure 9), calibration.",
+        ),
+    ] = None,
     calibration: Annotated[bool, typer.Option("--calibration", help="Print success by predicted success.")] = False,
     causes: Annotated[bool, typer.Option("--causes", help="Print the failures by cause.")] = False,
     live: Live = False,
@@ -97,6 +105,8 @@ def evaluate_command(
     check_finished_run(model)
     if out is not None:
         check_out_file(out)
+    if figures is not None:
+        check_folder("--figures", figures)
     from handsight.cli.wiring.live import check_live, live_watch
 
     check_live(live=live, url=live_url)
@@ -134,6 +144,10 @@ def evaluate_command(
         from handsight.viz.figures.durations import durations_figure
 
         durations_figure(results["durations"], figure)
+    if figures is not None:
+        from handsight.viz.figures.evaluation import evaluation_figures
+
+        evaluation_figures(results, figures)
     if as_json:
         print_json(results)
     else:

@@ -18,10 +18,12 @@ from handsight.cli.wiring.sweep_readme import command_of
 from handsight.datasets.address import DatasetAddress, looks_like_dataset
 from handsight.datasets.errors import DatasetError
 from handsight.datasets.reading.reader import GraspDataset
+from handsight.servoing.errors import ServoingError
 from handsight.training.run_folder import RUN_RECORD
 from handsight.training.run_record import WEIGHTS_SHA256, origins_of, read_values
 from handsight.training.sweep.plan import read_plan
-from handsight.viz.report.content import Report, Section
+from handsight.viz.errors import VizError
+from handsight.viz.report.content import Note, Report, Section
 from handsight.viz.report.dataset_part import dataset_section
 from handsight.viz.report.evaluation_part import evaluation_section
 from handsight.viz.report.folder import FolderContents, files_section, folder_contents, is_sweep
@@ -115,14 +117,15 @@ def _is_of(origin: dict[str, Any], dataset: Path) -> bool:
 
 
 def _heatmaps(run: Path, found: FolderContents) -> Section | None:
-    """Heatmaps of attempts that a run was trained on, where the data are beside it."""
+    """Heatmaps of attempts that a run was trained on, where the data are beside it, or why there are none."""
     for dataset in found.datasets:
         if any(_is_of(origin, dataset) for origin in origins_of(read_values(run / RUN_RECORD))):
             address = _address(dataset, found)
-            version = open_version(address)
-            with suppress(CommandError):  # No attempt has a picture, or a label.
-                made = make_heatmaps(version, run, HeatmapRequest(wrong=True, count=HEATMAPS))
+            try:
+                made = make_heatmaps(open_version(address), run, HeatmapRequest(wrong=True, count=HEATMAPS))
                 return heatmap_section(made.examples, made.overview, address=address, run=run)
+            except (CommandError, ServoingError, VizError) as error:
+                return Section(title=f"Heatmaps of {run}", blocks=(Note(text=f"There are none: {error}."),))
     return None
 
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import subprocess
-from collections.abc import Mapping
+import warnings
+from collections.abc import Iterable, Mapping
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -23,8 +24,19 @@ ROW_ID = "rerun.controls.RowId"
 
 def read_recording(path: Path, *, timeline: str) -> Content:
     """Everything in a recording but its row ids, which are drawn from the clock."""
+    return _content(RrdReader(str(path)).store().stream().to_chunks(), timeline)
+
+
+def read_received(path: Path, *, timeline: str) -> Content:
+    """The same of a file that took a stream: it has no end, and the layout is in it."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # Rerun warns of the missing end.
+        return _content(RrdReader(str(path)).stream().to_chunks(), timeline)
+
+
+def _content(chunks: Iterable[Any], timeline: str) -> Content:
     content: Content = {}
-    for chunk in RrdReader(str(path)).store().stream().to_chunks():
+    for chunk in chunks:
         columns = chunk.to_record_batch().to_pydict()
         columns.pop(ROW_ID)
         count = len(next(iter(columns.values())))

@@ -47,11 +47,12 @@ def ablation_figure(rows: Sequence[SweepRow], objects: Sequence[ObjectRow], path
     shown = _largest(rows, objects)
     names = list(dict.fromkeys(row.object for row in shown))[:_MOST_OBJECTS]
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(13.5, max(4.8, 1.2 + 0.19 * len(names))), dpi=110, layout="constrained")
+        figure = Figure(figsize=(11.0, max(4.8, 1.4 + 0.19 * len(names))), dpi=110, layout="constrained")
         accuracy, auc, by_object = figure.subplots(1, 3, width_ratios=(1.2, 1.2, 1.0))
         _draw_curves(accuracy, rows, "accuracy")
         _draw_curves(auc, rows, "auc")
-        accuracy.legend(frameon=False, fontsize=9, loc="lower right")
+        handles, labels = accuracy.get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside upper left", ncols=3, frameon=False, fontsize=9)
         _draw_objects(by_object, shown, names, list(dict.fromkeys(row.series for row in rows)))
         return save_figure(figure, path)
 

@@ -18,7 +18,7 @@ from handsight.datasets.errors import counted
 from handsight.evaluation.calibration import CalibrationRow
 from handsight.servoing.methods.registry import METHODS
 from handsight.viz.errors import FigureError
-from handsight.viz.figures.rate_panels import BLUE, GREY, GRID, dress, say
+from handsight.viz.figures.rate_panels import BLUE, GREY, GRID, dress
 from handsight.viz.figures.style import STYLE, save_figure
 
 if TYPE_CHECKING:
@@ -51,12 +51,11 @@ def calibration_figure(rows: Sequence[CalibrationRow], path: Path) -> tuple[Path
     with mpl.rc_context({**STYLE, "text.parse_math": False}):
         size_in = (0.7 + 2.9 * across, 0.5 + 3.5 * down)
         figure = Figure(figsize=size_in, dpi=150, layout="constrained", facecolor="white")
-        grid = figure.subplots(down, across, squeeze=False, sharex=True, sharey=True).ravel()
+        grid = figure.subplots(down, across, squeeze=False, sharey=True).ravel()
         for (objects, method), axes in zip(panels, grid, strict=False):
             _draw(axes, [row for row in rows if (row["objects"], row["method"]) == (objects, method)])
         for axes in grid[len(panels) :]:
-            say(axes, "")
-            axes.spines[:].set_visible(False)
+            axes.set_visible(False)
         figure.supxlabel("predicted success S at the grasp", fontsize=9)
         figure.supylabel("grasps that held (95 % Wilson interval)", fontsize=9)
         return save_figure(figure, path)

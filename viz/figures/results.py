@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 
 ROUNDING: Final = 1e-9
 GROUP_WIDTH: Final = 0.62
+BAR_IN: Final = 1.15
+"""Of the figure's width for each bar: the numbers over neighbours do not meet."""
 RATE_TOP: Final = 1.0
 COUNT_FITS_BELOW: Final = 0.08
 """Where the interval reaches lower than this, the count has no room inside the bar and goes above it."""
@@ -47,11 +49,15 @@ def results_figure(rows: Sequence[ResultRow], path: Path) -> tuple[Path, Path]:
     Raises:
         FigureError: There are no rows, or some cannot be drawn; nothing is written then.
     """
-    _check(rows)
+    check_rows(rows)
     with mpl.rc_context(STYLE):
         methods = list(dict.fromkeys(row["method"] for row in rows))
+        sets = dict.fromkeys(row["objects"] for row in rows)
         figure = Figure(
-            figsize=(1.6 + 1.7 * max(len(methods), 2), 4.2), dpi=150, layout="constrained", facecolor="white"
+            figsize=(1.6 + max(1.7, BAR_IN * len(sets)) * max(len(methods), 2), 4.2),
+            dpi=150,
+            layout="constrained",
+            facecolor="white",
         )
         axes = figure.add_subplot()
         _draw_bars(axes, rows, methods)
@@ -60,7 +66,12 @@ def results_figure(rows: Sequence[ResultRow], path: Path) -> tuple[Path, Path]:
         return save_figure(figure, path)
 
 
-def _check(rows: Sequence[ResultRow]) -> None:
+def check_rows(rows: Sequence[ResultRow]) -> None:
+    """Refuse rows that cannot be drawn.
+
+    Raises:
+        FigureError: There are none, or some have counts, rates or intervals that do not fit; all of them are named.
+    """
     faults = [] if rows else ["there are no rows, expected at least one"]
     seen = set()
     for number, row in enumerate(rows):

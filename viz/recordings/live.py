@@ -1,15 +1,16 @@
 """Servo runs in a viewer while they happen: the entities of a trace, streamed by a thread that nobody waits for.
 
-Steps are handed over through a short queue. Where the thread falls behind, the oldest step that waits is dropped; where
-the viewer stops answering, everything is, after one warning. Servoing never notices either.
+Steps are handed over through a short queue. Where the thread falls behind, the oldest step that waits is dropped, and
+the beginning of no trial while there is one; where the viewer stops answering, everything is, after one warning.
+Servoing never notices either.
 """
 
 from __future__ import annotations
 
 import ctypes
-import queue
 import socket
 import threading
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
@@ -36,6 +37,10 @@ CLOSE_S: Final = 5.0
 """So long the end of the trials waits for what is still to be shown."""
 STEP_MM, TURN_DEG, TIME_MS, SLOPE = 110.0, 55.0, 550.0, 0.5
 """Ranges of plots, which have to be chosen before anything is known."""
+_HTTP2_SETTINGS: Final = b"\x04"
+_HTTP2_HELLO: Final = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + bytes(3) + _HTTP2_SETTINGS + bytes(5)
+"""The preface of a connection, and empty settings (RFC 9113, sections 3.4 and 6.5)."""
+_HTTP2_HEAD_BYTES: Final = 9
 _Event = Callable[["_Showing"], None]
 
 
@@ -97,14 +102,51 @@ class _Showing:
 
 
 def _knock(url: str) -> None:
-    """Find out whether anybody listens, before a stream waits for it.
+    """Find out whether a viewer answers, before a stream waits for it.
+
+    Rerun's stream takes everything while it connects, for as long as that takes. So the first words of HTTP/2 are said
+    here, to which any server of gRPC has to answer with its settings.
 
     Raises:
-        OSError: Nobody does.
+        OSError: Nobody listens, or not to this, or nobody answers in time.
     """
     parts = urlsplit(url)
-    with socket.create_connection((parts.hostname or "", parts.port or DEFAULT_PORT), timeout=ANSWER_S):
-        pass
+    with socket.create_connection((parts.hostname or "", parts.port or DEFAULT_PORT), timeout=ANSWER_S) as viewer:
+        if parts.scheme != "rerun+http":
+            return  # Whoever encrypts answers to nothing before.
+        viewer.sendall(_HTTP2_HELLO)
+        if viewer.recv(_HTTP2_HEAD_BYTES)[3:4] != _HTTP2_SETTINGS:
+            raise ConnectionError("what listens there is no viewer")
+
+
+class _Waiting:
+    """A queue of bounded length, from whose front is dropped what it has no room for."""
+
+    def __init__(self, most: int) -> None:
+        self.dropped = 0
+        self._most = most
+        self._events: deque[tuple[bool, _Event | None]] = deque()
+        self._changed = threading.Condition()
+
+    def __len__(self) -> int:
+        return len(self._events)
+
+    def put(self, event: _Event | None, *, droppable: bool) -> None:
+        """Append an event; None ends the queue. Never waits."""
+        with self._changed:
+            if len(self._events) >= self._most:
+                # A step that can be dropped rather than the beginning of a trial, of which nothing would then be shown.
+                at = next((at for at, (may, _) in enumerate(self._events) if may), 0)
+                del self._events[at]
+                self.dropped += 1
+            self._events.append((droppable, event))
+            self._changed.notify()
+
+    def get(self) -> _Event | None:
+        """The oldest event, once there is one."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._events)
+            return self._events.popleft()[1]
 
 
 class LiveTrace:
@@ -118,16 +160,19 @@ class LiveTrace:
         warn: Callable[[str], None] | None = None,
     ) -> None:
         """Begin to stream to the viewer at ``url``."""
-        self.dropped = 0
-        """Steps that were not shown because too many waited."""
         self._trial = 0
         self._warn = warn
-        self._events: queue.Queue[_Event | None] = queue.Queue(maxsize=WAITING)
+        self._events = _Waiting(WAITING)
         self._gone = threading.Event()
         self._thread = threading.Thread(
             target=self._show, args=(_Showing(url, arm),), name="handsight-live", daemon=True
         )
         self._thread.start()
+
+    @property
+    def dropped(self) -> int:
+        """How much was not shown because too much waited."""
+        return self._events.dropped
 
     @property
     def gone(self) -> bool:
@@ -148,7 +193,7 @@ class LiveTrace:
             if showing.log is not None and showing.trial == trial:
                 showing.log.step(step)
 
-        self._put(show)
+        self._put(show, droppable=True)
 
     def end(self, recording: TrialRecording | None) -> None:
         """The grasp was executed."""
@@ -168,19 +213,9 @@ class LiveTrace:
         self._put(None)
         self._thread.join(timeout=CLOSE_S)
 
-    def _put(self, event: _Event | None) -> None:
-        if self._gone.is_set():
-            return
-        while True:
-            try:
-                self._events.put_nowait(event)
-                return
-            except queue.Full:
-                try:
-                    self._events.get_nowait()
-                    self.dropped += 1
-                except queue.Empty:
-                    continue
+    def _put(self, event: _Event | None, *, droppable: bool = False) -> None:
+        if not self._gone.is_set():
+            self._events.put(event, droppable=droppable)
 
     def _show(self, showing: _Showing) -> None:
         """The thread: show one event after another, and after each ask whether the viewer has it."""

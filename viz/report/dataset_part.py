@@ -102,7 +102,7 @@ def _labels(dataset: GraspDataset, stats: LabelStats, name: str) -> Section:
         picture=embedded_svg(lambda path: stats_figure(stats, path, title=title)),
         alt=(
             f"Panels of success rates of {title} by object, place on the table, grasp angle, final opening, contact "
-            f"force and time. Overall {percent(rate)} of {count(stats.labelled)} labelled attempts succeed. "
+            f"force and time. Overall {percent(rate)} of {counted(stats.labelled, 'labelled attempt')} succeed. "
             "The numbers of the panels by object and session are in the tables below."
         ),
         caption="How grasps succeed by object, place, angle, opening and force, and along the sessions.",

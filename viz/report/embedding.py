@@ -6,6 +6,7 @@ import base64
 import io
 import re
 import tempfile
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -83,7 +84,10 @@ def embedded_file(path: Path, *, width_px: int) -> Embedded:
         ReportError: It is no picture, or one of more than ``MOST_PIXELS``.
     """
     try:
-        with Image.open(path) as picture:
+        with (
+            warnings.catch_warnings(action="error", category=Image.DecompressionBombWarning),
+            Image.open(path) as picture,
+        ):
             if picture.width * picture.height > MOST_PIXELS:
                 raise ReportError(
                     f"{path} is a picture of {picture.width} x {picture.height} pixels, expected at most "
@@ -94,7 +98,7 @@ def embedded_file(path: Path, *, width_px: int) -> Embedded:
             ground = Image.new("RGBA", whole.size, "white")
             ground.alpha_composite(whole)
             return _jpeg(ground.convert("RGB"), width_px)
-    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
+    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError, Image.DecompressionBombWarning) as error:
         if isinstance(error, ReportError):
             raise
         raise ReportError(f"{path} is no picture that can be read ({error}): leave it out") from error

@@ -10,7 +10,7 @@ from handsight.datasets.errors import counted
 from handsight.evaluation.causes import CAUSES
 from handsight.viz.figures.calibration import calibration_figure
 from handsight.viz.figures.durations import durations_figure
-from handsight.viz.figures.results import results_figure
+from handsight.viz.figures.method_table import method_table_figure
 from handsight.viz.report.content import Block, Facts, Figure, Note, Section, Table, shown_rows
 from handsight.viz.report.embedding import embedded_svg
 from handsight.viz.report.words import count, figure, interval, percent, said
@@ -93,10 +93,10 @@ def _success(results: dict[str, Any], command: str) -> Section:
         blocks.insert(
             0,
             Figure(
-                picture=embedded_svg(lambda path: results_figure(drawn, path)),
-                alt=f"Bars of success rates with 95 % intervals beside those of the paper's Table I: {told}.",
-                caption="Success of each method; dashed lines are the paper's rates on novel objects in simulation.",
-                command=command,
+                picture=embedded_svg(lambda path: method_table_figure(drawn, path)),
+                alt=f"Success rates with 95 % intervals beside those of the paper's Table I: {told}.",
+                caption="Success of each method and the time a step takes, beside Table I of the paper.",
+                command=f"{command} --figures figures",
             ),
         )
     if results["comparisons"]:
@@ -133,7 +133,7 @@ def _moves(results: dict[str, Any], command: str) -> Section | None:
         picture=embedded_svg(lambda path: durations_figure(rows, path)),
         alt="Bars of trials by the number of servo moves before the grasp, and how many of them held; as in the table.",
         caption="How many moves each method took, and how many of those grasps held (figure 9 of the paper).",
-        command=f"{command} --figure moves.png",
+        command=f"{command} --figures figures",
     )
     table = Table(
         caption="The same in numbers, where there were trials",
@@ -164,7 +164,7 @@ def _calibration(results: dict[str, Any], command: str) -> Section | None:
         picture=embedded_svg(lambda path: calibration_figure(rows, path)),
         alt="Success rates with 95 % intervals over the score at the grasp, beside the diagonal; as in the table.",
         caption="Whether grasps hold as often as the network says; on the diagonal they do.",
-        command=f"{command} --calibration",
+        command=f"{command} --figures figures",
     )
     table = Table(
         caption="Success by the score at the grasp",

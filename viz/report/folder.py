@@ -49,7 +49,8 @@ def folder_contents(folder: Path) -> FolderContents:
     entries = sorted(path for path in folder.iterdir() if not path.name.startswith("."))
     if len(entries) > MOST_ENTRIES:
         raise ReportError(
-            f"{folder} holds {len(entries)} files and folders, expected at most {MOST_ENTRIES}: name a folder below it"
+            f"{folder} holds {counted(len(entries), 'entry', 'entries')}, expected at most {MOST_ENTRIES}: name a "
+            "folder below it"
         )
     # Runs are mostly kept together in a folder of their own.
     folders = [one for path in entries if path.is_dir() for one in (path, *_below(path))]

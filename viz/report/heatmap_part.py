@@ -38,8 +38,8 @@ def heatmap_section(
             picture=embedded_png(lambda path: montage_figure(path, shown)),
             alt=f"Overhead pictures with the best grasp, predicted success over them, and depth: {told}.",
             caption=(
-                "Above what the camera saw, with the best grasp; in the middle predicted success, from dark (none) to "
-                "yellow (sure); below depth, the nearer the darker (figure 8 of the paper)."
+                "Above what the camera saw, with the best grasp; in the middle predicted success S; below depth, as "
+                "height above the table (figure 8 of the paper)."
             ),
             command=f"{command} --wrong -n {len(examples)} --picture heatmaps.png",
         )

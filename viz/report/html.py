@@ -51,29 +51,27 @@ def write_report(report: Report, path: Path) -> int:
 def report_html(report: Report) -> str:
     """The page."""
     template = _environment().get_template("page.html.j2")
-    numbers = _Numbers()
-    text = template.render(
-        report=report,
-        contents=[(numbers.of(section), section) for section in report.sections],
-        number=numbers.of,
-        top=TOP_LEVEL,
-    )
+    ids = _Ids(report)
+    text = template.render(report=report, id_of=ids.of, fresh_id=ids.fresh, top=TOP_LEVEL)
     return _UNPRINTABLE.sub("\ufffd", text)
 
 
-class _Numbers:
+class _Ids:
     """Ids of what is on the page: numbers in order of appearance, each thing its own."""
 
-    def __init__(self) -> None:
-        self._known: dict[int, str] = {}
-        self._kept: list[object] = []
+    def __init__(self, report: Report) -> None:
+        self._given = 0
+        # The sections live as long as the report, so that nothing else has their identity.
+        self._sections = {id(section): self.fresh() for section in sections_of(report)}
 
-    def of(self, thing: object) -> str:
-        """The id of a section, a table or a figure; the same each time it is asked for."""
-        if id(thing) not in self._known:
-            self._known[id(thing)] = f"part-{len(self._known) + 1}"
-            self._kept.append(thing)  # as long as it lives, nothing else has its identity
-        return self._known[id(thing)]
+    def of(self, section: Section) -> str:
+        """The id of a section; the same in the contents and at its place."""
+        return self._sections[id(section)]
+
+    def fresh(self) -> str:
+        """An id that nothing has."""
+        self._given += 1
+        return f"part-{self._given}"
 
 
 def _environment() -> Environment:

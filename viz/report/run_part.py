@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from handsight.datasets.errors import counted
 from handsight.training.card import limits
 from handsight.training.run_figures import RunFigures, figures_of, version_of
 from handsight.training.run_files import FileCheck, check_files
@@ -50,7 +51,7 @@ def _facts(record: Mapping[str, Any], figures: RunFigures) -> tuple[tuple[str, s
         ("input", f"{grid['crop_px']} px of the picture as {grid['size_px']} x {grid['size_px']} px"),
         ("attempts", count(figures.attempts)),
         ("kept", kept),
-        ("held out", "–" if figures.held_out is None else f"{count(figures.held_out)} attempts"),
+        ("held out", "–" if figures.held_out is None else counted(figures.held_out, "attempt")),
         ("balanced accuracy", figure(figures.accuracy)),
         ("AUC", figure(figures.auc)),
         ("cross-entropy", figure(figures.loss, 4)),
@@ -76,7 +77,7 @@ def _course(record: Mapping[str, Any], figures: RunFigures, name: str) -> Sectio
         Figure(
             picture=embedded_svg(lambda path: training_curve_figure(record, path)),
             alt=(
-                f"Curves of the training over {figures.passes} passes: the training loss ends at "
+                f"Curves of the training over {counted(figures.passes, 'pass', 'passes')}: the training loss ends at "
                 f"{last['train_loss']:.4f}, that of held-out attempts at {figure(last['held_out']['loss'], 4)}. "
                 "All numbers are in the table below."
             ),

@@ -56,7 +56,7 @@ def sweep_section(folder: Path, command: str) -> Section:
         )
     return Section(
         title=f"Sweep {folder}",
-        blocks=(_facts(plan, tally, command),),
+        blocks=(_facts(plan, tally), Note(text="What was trained and how, in one call:", command=command)),
         parts=(
             Section(title="Accuracy by size of the training set", blocks=tuple(blocks)),
             Section(title="Objects never seen", blocks=(_objects(objects, plot),)),
@@ -65,7 +65,7 @@ def sweep_section(folder: Path, command: str) -> Section:
     )
 
 
-def _facts(plan: SweepPlan, tally: Mapping[str, int], command: str) -> Facts:
+def _facts(plan: SweepPlan, tally: Mapping[str, int]) -> Facts:
     return Facts(
         rows=(
             ("reads", ", ".join(plan.channels)),
@@ -73,13 +73,13 @@ def _facts(plan: SweepPlan, tally: Mapping[str, int], command: str) -> Facts:
             ("varied", said({name: list(values) for name, values in plan.varied.items()})),
             ("trials", f"{plan.trials}, each holds out {percent(plan.held_out)} of the groups by {plan.by}"),
             ("cells", ", ".join(f"{number} {state}" for state, number in tally.items() if number)),
-            ("made by", f"{command} (handsight {plan.handsight})"),
+            ("handsight", plan.handsight),
         )
     )
 
 
 def _figure(rows: list[SweepRow], objects: list[ObjectRow], command: str) -> Figure:
-    told = "; ".join(f"{row.series} on {row.trained_on:,.0f} attempts {percent(row.accuracy.mean)}" for row in rows)
+    told = "; ".join(f"{row.series} {percent(row.accuracy.mean)} at {row.trained_on:,.0f}" for row in rows)
     return Figure(
         picture=embedded_svg(lambda path: ablation_figure(rows, objects, path)),
         alt=f"Curves of balanced accuracy and area under the ROC curve over the size of the training set: {told}.",
