@@ -72,7 +72,7 @@ def score(
         if as_json:
             print_json({"scores": name, "deleted": not dry_run})
         else:
-            console.print(f"{'would have forgotten' if dry_run else 'forgot'} the scores ", bold(name))
+            console.print(bold(name), f" {'would have been' if dry_run else 'is'} forgotten")
         return
     from handsight.cli.wiring.scoring import scores_by_folds, scores_by_run  # PyTorch
 
