@@ -111,8 +111,8 @@ def _labels(dataset: GraspDataset, stats: LabelStats, name: str) -> Section:
     )
     balance = Note(
         text=(
-            f"{count(stats.successes)} of {numbered(stats.labelled, 'labelled attempt')} succeed, {percent(rate)} (95 % "
-            f"Wilson interval {interval((low, high))}). Left out: {count(stats.unlabelled)} without a label and "
+            f"{count(stats.successes)} of {numbered(stats.labelled, 'labelled attempt')} succeed, {percent(rate)} "
+            f"(95 % Wilson interval {interval((low, high))}). Left out: {count(stats.unlabelled)} without a label and "
             f"{count(stats.excluded)} excluded."
         )
     )
