@@ -1,4 +1,4 @@
-"""Seeing: heatmaps at one angle and at all, the size of a servo trace, what a watching viewer costs."""
+"""Seeing: heatmaps at one angle and at all, a trace, what watching costs, browsing 30,000 attempts."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ import numpy as np
 import torch
 
 from benchmarks import Figure
+from benchmarks._browsing import browsing_figures
 from benchmarks._network import fresh_network, inference_ms
 from handsight.collection.sim.arm_shape import Ur10Shape
 from handsight.collection.sim.config import D435_ON_GRIPPER, SimConfig
@@ -48,7 +49,8 @@ def run() -> list[Figure]:
     torch.set_num_threads(1)
     os.environ.setdefault("RUST_LOG", "off")
     try:
-        return [*_heatmaps(), *_recordings()]
+        with tempfile.TemporaryDirectory(prefix="handsight-bench-") as folder:
+            return [*_heatmaps(), *_recordings(), *browsing_figures(Path(folder))]
     finally:
         torch.set_num_threads(threads)
 

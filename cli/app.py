@@ -105,6 +105,17 @@ NOUNS = (
         ("handsight servo --model runs/rgbd", "handsight servo --model runs/rgbd --method first-order --trial 7"),
         kept="no recording was written",
     ),
+    LazyCommand(
+        "report",
+        "report:report_command",
+        "Write a page that tells everything about a dataset, a run or a folder.",
+        (
+            "handsight report demo",
+            "handsight report grasps@v1 --out grasps.html",
+            "handsight report runs/rgbd --out run.html",
+        ),
+        kept="the page is whole or was not written",
+    ),
     LazyCommand("view", "view.app:view_app", "Look at datasets, heatmaps and traces in the Rerun viewer."),
     LazyCommand(
         "review",

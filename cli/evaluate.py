@@ -9,7 +9,7 @@ import typer
 
 from handsight.cli.completion import complete_object_sets, words
 from handsight.cli.errors import CommandError
-from handsight.cli.opening import check_out_file
+from handsight.cli.opening import check_folder, check_out_file
 from handsight.cli.options import (
     DEFAULT_GRIPPER,
     DEFAULT_THRESHOLD,
@@ -18,16 +18,19 @@ from handsight.cli.options import (
     METHOD_NAMES,
     MOST_TRIALS,
     NOVEL_OBJECTS,
+    EngineName,
     Gripper,
     Json,
     Live,
     LiveUrl,
     Model,
+    RayAddress,
     Threshold,
     TrialSeed,
     Workers,
 )
 from handsight.cli.output import errors, print_json
+from handsight.cli.wiring.engines import check_engine, engine_named
 from handsight.training.run_folder import check_finished_run
 
 
@@ -81,16 +84,29 @@ def evaluate_command(
     figure: Annotated[
         Path | None, typer.Option(metavar="FILE.png", help="Draw the trials by their number of servo moves (figure 9).")
     ] = None,
+    figures: Annotated[
+        Path | None,
+        typer.Option(
+            "--figures",
+            metavar="DIR",
+            help="Draw everything into this folder as PNG and SVG: rates, the table, moves (figure 9), calibration.",
+        ),
+    ] = None,
     calibration: Annotated[bool, typer.Option("--calibration", help="Print success by predicted success.")] = False,
     causes: Annotated[bool, typer.Option("--causes", help="Print the failures by cause.")] = False,
     live: Live = False,
     live_url: LiveUrl = None,
+    engine: EngineName = "local",
+    ray_address: RayAddress = None,
     as_json: Json = False,
 ) -> None:
     """Compare servo methods on the same scenes and starting poses (section V-B.2)."""
+    check_engine(engine, ray_address)
     check_finished_run(model)
     if out is not None:
         check_out_file(out)
+    if figures is not None:
+        check_folder("--figures", figures)
     from handsight.cli.wiring.live import check_live, live_watch
 
     check_live(live=live, url=live_url)
@@ -112,14 +128,26 @@ def evaluate_command(
     disturbance = None if disturb is None else Disturbance.parse(disturb)
     if figure is not None:
         _check_figure(figure, settings.methods)
-    with live_watch(live=live, url=live_url) as watch:
+    with live_watch(live=live, url=live_url) as watch, engine_named(engine, ray_address, workers) as started:
         results = evaluate_model(
-            model, objects, settings, gripper=gripper, out=out, against=against, disturbance=disturbance, watch=watch
+            model,
+            objects,
+            settings,
+            gripper=gripper,
+            out=out,
+            against=against,
+            disturbance=disturbance,
+            watch=watch,
+            engine=started,
         )
     if figure is not None:
         from handsight.viz.figures.durations import durations_figure
 
         durations_figure(results["durations"], figure)
+    if figures is not None:
+        from handsight.viz.figures.evaluation import evaluation_figures
+
+        evaluation_figures(results, figures)
     if as_json:
         print_json(results)
     else:

@@ -86,10 +86,19 @@ def check_out_file(path: Path, *suffixes: str) -> None:
 
 
 def check_out_folder(path: Path) -> None:
-    """Refuse an ``--out`` where no folder can be made, or nothing can be written to the one that is there.
+    """Refuse an ``--out`` where no folder can be made; see :func:`check_folder`."""
+    check_folder("--out", path)
+
+
+def check_folder(option: str, path: Path) -> None:
+    """Refuse a place where no folder can be made, or nothing can be written to the one that is there.
+
+    Args:
+        option: With which it was given.
+        path: What was given.
 
     Raises:
         CommandError: A file or a link that leads nowhere is in the way, or the disk takes no files there.
     """
     if (fault := folder_fault(path)) is not None:
-        raise CommandError(f"--out is {path}, and {fault}: choose another folder")
+        raise CommandError(f"{option} is {path}, and {fault}: choose another folder")

@@ -177,17 +177,17 @@ def _keys() -> Iterator[Verdict]:
 
 def _facts(review: Review, version: Any, chosen: Chosen, attempt: str) -> list[Any]:
     """One line about the attempt that is looked at."""
-    from handsight.viz.browser.rows import browser_rows, curation_text, label_text, title
+    from handsight.viz.browser.rows import browser_rows
 
-    row: Any = browser_rows(version, [attempt]).iloc[0]
-    parts = [f"label {label_text(row.success)}", f"opening {1e3 * row.width_final_m:.1f} mm"]
+    row = browser_rows(version, [attempt])[attempt]
+    parts = [f"label {row.label}", f"opening {1e3 * row.width_final_m:.1f} mm"]
     predicted = chosen.seen.predicted.get(attempt)
     if predicted is not None:
         parts.append(f"S {predicted:.2f}")
     parts += chosen.seen.findings.get(attempt, ())
-    if said := curation_text(row):
-        parts.append(said)
-    return [f"{review.position + 1} of {len(chosen.ids)}  ", bold(title(row)), f"  {', '.join(parts)}"]
+    if row.curation:
+        parts.append(row.curation)
+    return [f"{review.position + 1} of {len(chosen.ids)}  ", bold(row.title), f"  {', '.join(parts)}"]
 
 
 def _summarise(review: Review, dataset: str, *, as_json: bool) -> None:

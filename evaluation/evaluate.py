@@ -15,6 +15,7 @@ from handsight.datasets.errors import below_least
 from handsight.evaluation.errors import EvaluationSettingsError, TrialAbortedError
 from handsight.evaluation.trial import Trial, TrialRecording, run_trial
 from handsight.evaluation.watching import TrialWatcher, WatcherFactory
+from handsight.jobs.engine import LOCAL, Engine
 from handsight.jobs.ordered import map_ordered
 from handsight.servoing.loop import ServoSettings
 from handsight.servoing.methods.registry import RANDOM, check_methods
@@ -94,6 +95,7 @@ def evaluate(
     settings: EvaluationSettings,
     *,
     known: Sequence[Trial] = (),
+    engine: Engine = LOCAL,
     on_trial: Callable[[Trial], None] | None = None,
 ) -> list[Trial]:
     """Run every trial with every method; the results do not depend on the number of workers.
@@ -102,6 +104,7 @@ def evaluate(
         factory: Opens a station and a network in each worker.
         settings: What to compare.
         known: Trials of an earlier call with the same settings, which are not run again.
+        engine: Where the workers run.
         on_trial: Called with each new trial, in their order.
 
     Returns:
@@ -114,7 +117,7 @@ def evaluate(
     done = {(trial.number, trial.method): trial for trial in known}
     work = partial(_trial, seed=settings.seed, servo=settings.servo, one_look=settings.one_look)
     missing = [task for task in wanted if task not in done]
-    for trial in map_ordered(factory, work, missing, workers=settings.workers):
+    for trial in map_ordered(factory, work, missing, workers=settings.workers, engine=engine):
         done[trial.number, trial.method] = trial
         if on_trial is not None:
             on_trial(trial)

@@ -61,7 +61,7 @@ def card_text(record: Mapping[str, Any]) -> str:
         ("Data", _data(record)),
         ("Recipe", _recipe(record)),
         ("On held-out attempts", _figures(record)),
-        ("Limits", _limits(record)),
+        ("Limits", (f"- {statement}" for statement in limits(record))),
         ("Use", _use()),
     )
     lines = [CARD_MARK, "# A Grasp Quality Network", ""]
@@ -119,24 +119,25 @@ def _figures(record: Mapping[str, Any]) -> Iterator[str]:
     yield "- cross-entropy: " + ("no attempt to say" if figures.loss is None else f"{figures.loss:.4f}")
 
 
-def _limits(record: Mapping[str, Any]) -> Iterator[str]:
+def limits(record: Mapping[str, Any]) -> Iterator[str]:
+    """For what the figures of a run do not hold, one statement each; words of commands are in backticks."""
     if record["settings"].get("balance"):
         yield (
-            "- A score is no chance: both classes counted alike in training, however rare successes were. Scores rank "
+            "A score is no chance: both classes counted alike in training, however rare successes were. Scores rank "
             "grasps."
         )
     else:
         yield (
-            "- A score is the predicted chance that a grasp succeeds, among grasps as those of the data. Where grasps "
+            "A score is the predicted chance that a grasp succeeds, among grasps as those of the data. Where grasps "
             "are chosen by it, or succeed more or less often than there, it has to be compared with what happens, as "
             "`--calibration` of `evaluate` does."
         )
     yield (
-        "- Held-out attempts are of the same objects, station and sessions as the others, and the pass that is kept "
+        "Held-out attempts are of the same objects, station and sessions as the others, and the pass that is kept "
         "was chosen by them. Expect less on what the data do not show."
     )
     yield (
-        "- Nothing here was tried in a servo loop, on objects that the data lack, with another camera, gripper or "
+        "Nothing here was tried in a servo loop, on objects that the data lack, with another camera, gripper or "
         "table, or on another robot. Training alone does not do that."
     )
 

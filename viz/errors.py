@@ -4,6 +4,7 @@ VizError
 ├── RecordingError (ValueError)        something that cannot be drawn: nothing in it, or parts that do not match
 ├── FigureError (ValueError)           rows or pictures of which no figure can be made
 ├── BrowserError (ValueError)          nothing to browse, or no place to serve it at
+├── ReportError (ValueError)           what no report can be made of, or no place to write one to
 ├── ViewerError (RuntimeError)         no window or page can be opened here
 └── ScreenshotError (RuntimeError)     the headless viewer gave no picture
     └── NoVulkanError                  no Vulkan driver for the viewer to draw with
@@ -24,6 +25,10 @@ class FigureError(VizError, ValueError):
 
 class BrowserError(VizError, ValueError):
     """Nothing to browse, or no place to serve it at."""
+
+
+class ReportError(VizError, ValueError):
+    """What no report can be made of, or no place to write one to."""
 
 
 class ViewerError(VizError, RuntimeError):

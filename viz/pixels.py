@@ -28,6 +28,9 @@ CENTRE_PX = 0.5
 FINGER_HALF_WIDTH_M = 0.011
 """Half the width of a fingertip across the closing direction (2F-85: 22 mm)."""
 
+DASHES = 5
+"""In the line between the jaws of a grasp that failed."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PictureFrame:
@@ -68,6 +71,19 @@ class PictureFrame:
         return [
             self.points(ends) for ends in ((left - reach, left + reach), (right - reach, right + reach), (left, right))
         ]
+
+
+def jaw_strips(frame: PictureFrame, step: Step, width_m: float, *, dashed: bool) -> list[NDArray[np.float64]]:
+    """The jaws of :meth:`PictureFrame.jaws`, the line between them in dashes for grasps that failed.
+
+    Returns:
+        Polylines in Rerun pixels, each (2, 2): the two fingertips, then the line between them or its dashes.
+    """
+    left, right, closing = frame.jaws(step, width_m)
+    if not dashed:
+        return [left, right, closing]
+    ends = np.linspace(closing[0], closing[1], 2 * DASHES)
+    return [left, right, *(ends[at : at + 2] for at in range(0, 2 * DASHES, 2))]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

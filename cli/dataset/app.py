@@ -141,6 +141,17 @@ COMMANDS = (
         ("handsight dataset suspect grasps -n 40 --rrd issues.rrd",),
     ),
     LazyCommand(
+        "score",
+        "dataset.score:score",
+        "Write back what a network expects of attempts.",
+        (
+            "handsight dataset score grasps rgbd --model runs/rgbd",
+            "handsight dataset score grasps honest --folds by-object",
+            "handsight dataset score grasps",
+        ),
+        kept="no scores were stored",
+    ),
+    LazyCommand(
         "similar",
         "dataset.similar:similar",
         "List attempts that a network finds alike.",

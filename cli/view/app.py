@@ -17,6 +17,13 @@ COMMANDS = (
         kept="what was decided is committed; thumbnails are kept for the next time",
     ),
     LazyCommand(
+        "ablation",
+        "view.ablation:ablation_command",
+        "Open the page of a sweep, with figure 7.",
+        ("handsight view ablation figure7", "handsight view ablation figure7 --no-open --out figure7.html"),
+        kept="the page is whole or was not written",
+    ),
+    LazyCommand(
         "heatmap",
         "view.heatmap:heatmap_command",
         "Look at predicted success over pictures, at all angles.",

@@ -14,6 +14,7 @@ from handsight.cli.output import bold, console, errors
 from handsight.datasets.address import cache_folder
 from handsight.datasets.curation.curator import Curator
 from handsight.datasets.errors import counted, pasteable
+from handsight.datasets.format.scores import ERROR_PREFIX, SCORE_PREFIX, read_scores, score_names
 from handsight.datasets.integrity.doctor.examine import doctor
 from handsight.datasets.reading.attempt_ids import resolve_attempt_ids, short_id
 from handsight.datasets.reading.listing import Listing, list_attempts
@@ -74,7 +75,7 @@ def chosen_attempts(
         return Chosen(ids=[one.attempt for one in found if one.attempt in wanted], seen=Seen(findings=findings))
     if suspect:
         return _by_label_quality(dataset, ids, findings, reverse=reverse)
-    return Chosen(ids=ids, seen=Seen(findings=findings))
+    return Chosen(ids=ids, seen=Seen(predicted=_scores_named(dataset, sort), findings=findings))
 
 
 def open_browser(
@@ -129,6 +130,14 @@ def _findings(dataset: GraspDataset) -> dict[str, list[str]]:
         for attempt in finding.attempts:
             found[attempt].append(finding.code)
     return dict(found)
+
+
+def _scores_named(dataset: GraspDataset, column: str) -> dict[str, float]:
+    """The stored scores that a column is made of, by attempt; nothing for any other column."""
+    name = column.removeprefix(ERROR_PREFIX).removeprefix(SCORE_PREFIX)
+    if name == column or name not in score_names(dataset.root):
+        return {}
+    return {str(key): float(value) for key, value in read_scores(dataset.root, name).score.items()}
 
 
 def _by_label_quality(

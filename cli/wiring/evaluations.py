@@ -22,6 +22,7 @@ from handsight.evaluation.one_look import loop_report
 from handsight.evaluation.report import evaluation_report
 from handsight.evaluation.trial import Trial
 from handsight.evaluation.watching import WatcherFactory
+from handsight.jobs.engine import LOCAL, Engine
 from handsight.servoing.methods.registry import METHODS
 from handsight.training.run import load_run
 
@@ -57,6 +58,7 @@ def evaluate_model(
     against: str | None = None,
     disturbance: Disturbance | None = None,
     watch: WatcherFactory | None = None,
+    engine: Engine = LOCAL,
 ) -> dict[str, Any]:
     """Run the trials behind a progress bar; returns what ``evaluate --json`` prints.
 
@@ -69,6 +71,7 @@ def evaluate_model(
         against: Reference of the comparisons.
         disturbance: What is wrong with the stations; each method is then tried with one look too.
         watch: Who watches the trials of each worker.
+        engine: Where the workers run.
 
     Raises:
         ObjectSetError: Sets that cannot be used.
@@ -93,10 +96,10 @@ def evaluate_model(
     }
     servoing = tuple(name for name in settings.methods if METHODS[name].settings is not None)
     with _perhaps_journal(out, decides) as journal:
-        trials = _run_trials(factories, settings, journal)
+        trials = _run_trials(factories, settings, journal, engine)
         opened: dict[str, Sequence[Trial]] = {}
         if disturbance is not None and servoing:
-            opened = _run_trials(factories, replace(settings, one_look=True, methods=servoing), journal)
+            opened = _run_trials(factories, replace(settings, one_look=True, methods=servoing), journal, engine)
     report = evaluation_report(
         trials,
         methods=settings.methods,
@@ -129,7 +132,7 @@ def _perhaps_journal(out: Path | None, decides: dict[str, Any]) -> Iterator[Jour
 
 
 def _run_trials(
-    factories: dict[str, TrialContextFactory], settings: EvaluationSettings, journal: Journal | None
+    factories: dict[str, TrialContextFactory], settings: EvaluationSettings, journal: Journal | None, engine: Engine
 ) -> dict[str, Sequence[Trial]]:
     """The trials of each object set, those that the journal holds taken from there."""
     each = settings.trials * len(settings.methods)
@@ -145,5 +148,5 @@ def _run_trials(
                     journal.append(page, trial)
                 bar.advance()
 
-            trials[name] = evaluate(factory, settings, known=known, on_trial=on_trial)
+            trials[name] = evaluate(factory, settings, known=known, engine=engine, on_trial=on_trial)
     return trials

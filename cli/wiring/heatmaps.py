@@ -39,7 +39,7 @@ from handsight.servoing.view import View
 from handsight.training.run import TrainedRun, load_run
 from handsight.viz import palette
 from handsight.viz.examples import ForesightOverview, HeatmapExample
-from handsight.viz.pixels import CENTRE_PX, PictureFrame, Step
+from handsight.viz.pixels import CENTRE_PX, PictureFrame, Step, jaw_strips
 
 MANY = 1000
 """Attempts from which on inputs are made once and kept, as for training."""
@@ -237,7 +237,8 @@ def _thumbnail(dataset: GraspDataset, one: Foresight, frame: RgbdFrame) -> NDArr
     picture = view.rgb.copy()
     grasp = _grasp(dataset, one.attempt, frame)
     if grasp is not None:
-        strips = PictureFrame(camera=view.camera, plane_m=view.plane_m).jaws(grasp, spec.gripper_stroke_m)
+        placed = PictureFrame(camera=view.camera, plane_m=view.plane_m)
+        strips = jaw_strips(placed, grasp, spec.gripper_stroke_m, dashed=not one.held)
         lines = [np.rint(strip - CENTRE_PX).astype(np.int32) for strip in strips]
         colour = palette.HELD if one.held else palette.EMPTY
         for width_px, ink in ((9, palette.OUTLINE), (5, colour)):

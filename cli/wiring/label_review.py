@@ -52,11 +52,12 @@ def review_labels(dataset: GraspDataset, plan: ReviewPlan, count: int) -> tuple[
     grid = InputGrid(size_px=plan.settings.network.size_px)
     with progress_bar("warp", len(plan.listed)) as bar:
         data = materialize(dataset, viewpoint=DEFAULT_VIEWPOINT, grid=grid, on_attempt=bar.advance)
-    scores = _scores(data, plan)
+    scores = cross_validated_scores(data, plan)
     return data, rank_label_issues(data.attempts, scores, listed=plan.listed, count=count)
 
 
-def _scores(data: GraspInputs, plan: ReviewPlan) -> NDArray[np.float32]:
+def cross_validated_scores(data: GraspInputs, plan: ReviewPlan) -> NDArray[np.float32]:
+    """Scores of all attempts by networks that never saw them, behind a progress bar."""
     folds, epochs = len(np.unique(plan.fold_of_attempt)), plan.settings.epochs
     done = 0
     with progress_bar("train", folds * epochs) as bar:

@@ -22,6 +22,7 @@ from handsight.datasets.format.arrays import READ_FAILURES, array_at, damage_or_
 from handsight.datasets.format.decisions import CURATION, read_overlay
 from handsight.datasets.format.saved_filters import FILTERS_GROUP
 from handsight.datasets.format.schema import COLUMNS, SESSIONS, ColumnWidths
+from handsight.datasets.format.scores import SCORES, read_scores, score_names
 from handsight.datasets.format.sessions import attribute_damage
 from handsight.datasets.integrity.attempt_checks import AttemptChecker, AttemptRange, Checked
 from handsight.datasets.machine import machine_blamed
@@ -49,7 +50,7 @@ class VerifyReport:
     faults: dict[str, str]
     """Why an attempt is corrupt, by its id."""
     damage: tuple[str, ...]
-    """Damage to what belongs to no single attempt: session headers, curation, folds, filters."""
+    """Damage to what belongs to no single attempt: session headers, curation, folds, filters, scores."""
     lost_refs: tuple[str, ...]
     """Releases and branches that are not what the ledger says, and what to do."""
 
@@ -145,7 +146,7 @@ def _check(attempts: AttemptRange) -> Checked:
 
 
 def damage_beside(root: zarr.Group) -> Iterator[str]:
-    """What is damaged beside the attempts, all of it read: how sessions are described, curation, filters, folds.
+    """What is damaged beside the attempts, all of it read: sessions' descriptions, curation, filters, folds, scores.
 
     Raises:
         StorageError: The machine cannot read.
@@ -154,12 +155,14 @@ def damage_beside(root: zarr.Group) -> Iterator[str]:
         for ulid, session in sorted(group_at(root, SESSIONS).groups()):
             yield from (f"session {ulid}: {fault}" for fault in _session_faults(session))
         for name in sorted(set(root.group_keys()) - {SESSIONS}):
-            if name not in (CURATION, FOLDS, FILTERS_GROUP):
+            if name not in (CURATION, FOLDS, FILTERS_GROUP, SCORES):
                 yield f"there is a group {name!r}, which handsight does not make"
             for _, node in sorted(group_at(root, name).members(max_depth=None)):
                 if isinstance(node, zarr.Array):
                     read_all(node)
         read_overlay(root)
+        for name in score_names(root):
+            read_scores(root, name)
     except READ_FAILURES as error:
         if isinstance(error, StorageError):
             raise

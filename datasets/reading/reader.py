@@ -36,6 +36,7 @@ from handsight.datasets.format.schema import (
     attempt_id,
     parse_attempt_id,
 )
+from handsight.datasets.format.scores import score_columns, scored
 from handsight.datasets.format.sessions import SessionInfo, read_sessions
 from handsight.datasets.format.stored_values import impossible, read_column
 from handsight.datasets.reading.info import DatasetInfo, bytes_stored
@@ -94,7 +95,8 @@ class GraspDataset:
     def attempts(self) -> pd.DataFrame:
         """One row for each attempt, indexed by its id, with curation laid over it.
 
-        See ``attempts_table.attempts_table`` for the columns and ``Overlay.applied_to`` for those of curation.
+        See ``attempts_table.attempts_table`` for the columns, ``Overlay.applied_to`` for those of curation, and
+        ``scores`` for those of networks.
         """
         return self._table(self._lazy_columns())
 
@@ -318,11 +320,19 @@ class GraspDataset:
     ) -> pd.DataFrame:
         """The attempts whose columns are given, with curation laid over them; ``names`` chooses and orders columns."""
         conditions = sorted({name for session in self.sessions for name in session.header.station.conditions})
-        recorded = None
+        recorded, scores = None, self._score_columns
         if names is not None:  # What curation lays over the table needs the recorded label.
-            recorded = dict.fromkeys(["success", *(name for name in names if name not in CURATED_COLUMNS)])
+            scores = [name for name in scores if name in names]
+            laid_over = {*CURATED_COLUMNS, *scores}
+            recorded = dict.fromkeys(["success", *(name for name in names if name not in laid_over)])
         curated = self.overlay.applied_to(attempts_table(columns, recorded, conditions=conditions))
+        if scores:
+            curated = scored(curated, self.root, scores)
         return curated if names is None else curated[list(names)]
+
+    @cached_property
+    def _score_columns(self) -> list[str]:
+        return score_columns(self.root)
 
     def _lazy_columns(self, last: int | None = None) -> list[tuple[SessionInfo, LazyColumns]]:
         """The sessions and their columns, or those of their last attempts, read when they are asked for."""

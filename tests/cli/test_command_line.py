@@ -49,6 +49,15 @@ def test_the_demo_leaves_what_it_promises(demo_folder: Path) -> None:
     assert origin["digest"] == GraspDataset.open(str(demo_folder / "grasps")).digest
 
 
+def test_a_report_on_the_demo_shows_the_trials_that_failed(demo_folder: Path, tmp_path: Path) -> None:
+    trials = json.loads((demo_folder / "results.json").read_text())["trials"]
+    failed = [one for one in trials if not one["success"] and one["score"] is not None and not one["aborted"]]
+    assert run(["report", str(demo_folder), "--replays", "1", "--out", str(tmp_path / "report.html")]) == 0
+    page = (tmp_path / "report.html").read_text()
+    assert ("1 trial that failed" in page) == bool(failed)
+    assert "ends otherwise here than it did" not in page
+
+
 def test_the_demo_again_does_nothing_twice(demo_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     written = {path: path.stat().st_mtime_ns for path in (demo_folder / "results.json", demo_folder / "run/run.json")}
     snapshot = GraspDataset.open(str(demo_folder / "grasps")).snapshot_id

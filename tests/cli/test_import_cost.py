@@ -94,6 +94,8 @@ REFUSED = {
     "runs compare one": ("runs compare {no}", "expected two or more"),
     "evaluate": ("evaluate --model {no}", "is no folder"),
     "evaluate a folder": ("evaluate --model {grasps}", "holds no finished run"),
+    "dataset score": ("dataset score {no} fine --model {no}", "there is no dataset"),
+    "dataset score in no way": ("dataset score {grasps} fine", "expected one of --model"),
     "dataset similar": ("dataset similar {no} 1 --model {no}", "there is no dataset"),
     "view dataset": ("view dataset {no}", "there is no dataset"),
     "view dataset in two ways": ("view dataset {grasps} --web --picture x.png", "expected one of them"),
@@ -101,6 +103,11 @@ REFUSED = {
     "view heatmap without a run": ("view heatmap {grasps} --model {no}", "is no folder"),
     "view trace": ("view trace {no}.rrd", "there is no recording"),
     "heatmap in two ways": ("heatmap {grasps} 1 --wrong --model {no}", "is no folder"),
+    "view ablation": ("view ablation {no}", "is no folder"),
+    "view ablation of a dataset": ("view ablation {grasps}", "holds no sweep"),
+    "report": ("report {no}", "there is no dataset"),
+    "report into no folder": ("report {grasps} --out {no}/x.html", "there is no folder"),
+    "evaluate into a file": ("evaluate --model {no} --figures {no}", "is no folder"),
     "review": ("review {no}", "there is no dataset"),
     "review without a network": ("review {grasps} --like 3", "add --model RUN"),
     "heatmap": ("heatmap {no} --model {no}", "there is no dataset"),
@@ -112,6 +119,7 @@ REFUSED = {
     "collect by a network that is not there": ("collect sim {no} --policy servo --model {no}", "is no folder"),
     "collect by chance with a network": ("collect sim {no} --model {no}", "--model goes with"),
     "collect on no cluster": ("collect sim {no} --ray-address host:1", "--ray-address host:1 goes with"),
+    "evaluate on no cluster": ("evaluate --model {no} --ray-address host:1", "--ray-address host:1 goes with"),
     "picture": ("collect picture --out {no}.jpg", "ends in .png"),
 }
 

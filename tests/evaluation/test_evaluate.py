@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import Executor
 from dataclasses import replace
 
 import numpy as np
@@ -14,6 +15,7 @@ from handsight.collection.sim.station import SimStation, SimStationFactory
 from handsight.evaluation.errors import TrialAbortedError
 from handsight.evaluation.evaluate import EvaluationSettings, TrialContextFactory, evaluate, record_trial
 from handsight.evaluation.trial import Trial, run_trial
+from handsight.jobs.engine import LOCAL
 from handsight.servoing.homography import InputGrid
 from handsight.servoing.loop import ServoSettings
 from handsight.training.errors import CheckpointError
@@ -46,6 +48,22 @@ def test_results_do_not_depend_on_workers(factory: TrialContextFactory) -> None:
     assert comparable(alone) == comparable(together)
     assert [(trial.number, trial.method) for trial in alone] == [(n, m) for n in range(3) for m in METHODS]
     assert all(trial.moves > 0 for trial in alone if trial.method != "random")
+
+
+def test_workers_are_those_of_the_engine(factory: TrialContextFactory) -> None:
+    started: list[Executor] = []
+
+    class Counted:
+        def start_worker(self) -> Executor:
+            started.append(LOCAL.start_worker())
+            return started[-1]
+
+        def kill_worker(self, worker: Executor) -> None:
+            LOCAL.kill_worker(worker)
+
+    settings = EvaluationSettings(methods=("random",), trials=2, seed=3, workers=2)
+    assert comparable(evaluate(factory, settings, engine=Counted())) == comparable(evaluate(factory, settings))
+    assert len(started) == 2
 
 
 def test_methods_begin_alike(factory: TrialContextFactory) -> None:

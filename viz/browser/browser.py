@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
+import math
 import shlex
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import Self
 
-import numpy as np
-import pandas as pd
 import pyarrow as pa
 
 from handsight.datasets.curation.curator import Curator
+from handsight.datasets.errors import counted
 from handsight.datasets.reading.attempt_ids import short_id
 from handsight.datasets.reading.reader import GraspDataset
 from handsight.datasets.views import station_view
@@ -23,10 +23,10 @@ from handsight.viz.browser.card import card_view, write_card
 from handsight.viz.browser.catalog import TABLE, Catalog
 from handsight.viz.browser.decisions import Decided, Edit, Row, decide, edits_between
 from handsight.viz.browser.gateway import Gateway
-from handsight.viz.browser.rows import Seen, browser_rows, curation_text, label_text, table_batch, title
+from handsight.viz.browser.rows import BrowserRow, Seen, browser_rows, table_batch
 from handsight.viz.browser.shelf import Shelf, Wanted, recording_id
 from handsight.viz.errors import BrowserError
-from handsight.viz.recordings.attempt import AttemptExample, attempt_blueprint, write_attempt
+from handsight.viz.recordings.attempt import AttemptExample, attempt_blueprint, pregrasp_pose, write_attempt
 
 MOST_BYTES = 1_000_000_000
 """Of recordings on disk, unless another limit is given."""
@@ -70,7 +70,7 @@ class Browser:
         self._curator = curator
         self._rows = browser_rows(dataset, ids)
         first = self._first_with_picture(ids)
-        self._counts = {str(key): _row(row) for key, row in self._iterate()}
+        self._counts = _counts(self._rows)
         self._catalog = Catalog(TABLE)
         try:
             self._shelf = Shelf(
@@ -122,6 +122,15 @@ class Browser:
         """How many recordings were made for what was looked at."""
         return self._shelf.made
 
+    @property
+    def ids(self) -> list[str]:
+        """The attempts, in the order in which they are shown."""
+        return list(self._rows)
+
+    def provide(self, wanted: Iterable[Wanted]) -> None:
+        """Make recordings before a viewer asks for them."""
+        self._shelf.provide(wanted)
+
     def attempt_address(self, attempt: str) -> str:
         """What a viewer opens to see one attempt."""
         return self._catalog.recording_address("attempt", recording_id("attempt", attempt), self._gateway.port)
@@ -161,49 +170,45 @@ class Browser:
         """Read the version anew, and write again the rows that differ from it, or whose cells were touched."""
         if self._curator is not None:
             self._dataset = GraspDataset(self._dataset.repository, ref=self._dataset.ref)
-            self._rows = browser_rows(self._dataset, [str(key) for key in self._rows.index])
-        counts = {str(key): _row(row) for key, row in self._iterate()}
+            self._rows = browser_rows(self._dataset, self.ids)
+        counts = _counts(self._rows)
         changed = [key for key, row in counts.items() if row != self._counts[key]]
         again = list(dict.fromkeys((*changed, *touched)))
         self._counts = counts
         if again:
             self._shelf.decided({key: counts[key].label for key in again})
-            self._catalog.write_again(self._batch(self._rows.loc[again]))
+            self._catalog.write_again(self._batch({key: self._rows[key] for key in again}))
         return changed
 
     def _first_with_picture(self, ids: Sequence[str]) -> str:
         taken = self._dataset.rows(ids, ("overhead_taken",))["overhead_taken"]
         if not taken.any():
             raise BrowserError(
-                f"none of the {len(taken)} attempts took a picture, expected one at least: choose others"
+                f"of {counted(len(taken), 'attempt')} none took a picture, expected one at least: choose others"
             )
         return str(taken.index[taken.to_numpy(dtype=bool)][0])
-
-    def _iterate(self) -> Iterable[tuple[str, Any]]:
-        return zip(map(str, self._rows.index), self._rows.itertuples(), strict=True)
 
     def _lay_out(self, first: str) -> None:
         station, attempt = self._dataset.station(first), self._dataset.attempt(first)
         assert attempt.overhead is not None  # It is one that took a picture.
-        rows, seen = self._rows, self._settings.seen
+        rows, seen = self._rows.values(), self._settings.seen
         filled = {
-            "predicted_success": bool(seen.predicted) or rows["predicted_success"].notna().any(),
+            "predicted_success": bool(seen.predicted) or any(math.isfinite(row.predicted_success) for row in rows),
             "label_quality": bool(seen.label_quality),
             "findings": any(key in seen.findings for key in self._counts),
-            "curation": any(map(curation_text, rows.itertuples())),
+            "curation": any(row.curation for row in rows),
         }
         known = ["target", "outcome", "force_n", "opening_mm", *(name for name, there in filled.items() if there)]
         layout = attempt_blueprint(station, attempt.overhead)
         self._catalog.lay_out(card_view(station), layout, editable=self._curator is not None, known=known)
 
-    def _batch(self, rows: pd.DataFrame) -> pa.RecordBatch:
-        ids = [str(key) for key in rows.index]
+    def _batch(self, rows: Mapping[str, BrowserRow]) -> pa.RecordBatch:
         port, address = self._gateway.port, self._catalog.recording_address
         return table_batch(
             rows,
             self._settings.seen,
-            card={key: address("card", recording_id("card", key), port) for key in ids},
-            opened={key: address("attempt", recording_id("attempt", key), port) for key in ids},
+            card={key: address("card", recording_id("card", key), port) for key in rows},
+            opened={key: address("attempt", recording_id("attempt", key), port) for key in rows},
         )
 
     def _commands(self, attempt: str) -> tuple[str, ...]:
@@ -217,23 +222,23 @@ class Browser:
 
     def _make(self, wanted: Wanted, path: Path) -> None:
         """Write a recording; called from the gateway's threads, one at a time."""
-        attempt, station = self._dataset.attempt(wanted.attempt), self._dataset.station(wanted.attempt)
-        row: Any = self._rows.loc[wanted.attempt]
-        success: bool | None = None if pd.isna(row["success"]) else bool(row["success"])
+        row, station = self._rows[wanted.attempt], self._dataset.station(wanted.attempt)
         name = recording_id(wanted.kind, wanted.attempt)
-        if wanted.kind == "card":
-            write_card(path, name, attempt, station, success=success)
+        if wanted.kind == "card":  # Of tens at a time: only what it shows is read.
+            goal = pregrasp_pose(row.pregrasp_x_m, row.pregrasp_y_m, row.pregrasp_angle_rad)
+            write_card(path, name, self._dataset.frame(wanted.attempt), goal, station, success=row.success)
             return
+        attempt = self._dataset.attempt(wanted.attempt)
         heatmap: Heatmap | None = None
         scorer = self._settings.scorer
         if scorer is not None and attempt.overhead is not None:
             heatmap = grasp_heatmap(station_view(attempt.overhead, station), scorer)
         example = AttemptExample(
             name=name,
-            title=title(row),
+            title=row.title,
             attempt=attempt,
             station=station,
-            success=success,
+            success=row.success,
             notes=tuple(self._notes(wanted.attempt, row).items()),
             commands=self._commands(wanted.attempt),
             heatmap=heatmap,
@@ -241,11 +246,11 @@ class Browser:
         )
         write_attempt(path, example)
 
-    def _notes(self, attempt: str, row: Any) -> Mapping[str, str]:
+    def _notes(self, attempt: str, row: BrowserRow) -> Mapping[str, str]:
         seen = self._settings.seen
-        predicted = seen.predicted.get(attempt, row["predicted_success"])
-        notes = {"curation": curation_text(row) or "nothing decided"}
-        if np.isfinite(predicted):
+        predicted = seen.predicted.get(attempt, row.predicted_success)
+        notes = {"curation": row.curation or "nothing decided"}
+        if math.isfinite(predicted):
             notes["predicted success S"] = f"{predicted:.3f}"
         if attempt in seen.label_quality:
             notes["label quality"] = f"{seen.label_quality[attempt]:.3f}"
@@ -264,8 +269,9 @@ def _gateway(upstream: int, shelf: Shelf, settings: BrowserSettings) -> Gateway:
         ) from error
 
 
-def _row(row: Any) -> Row:
-    return Row(excluded=bool(row.excluded), label=label_text(row.success))
+def _counts(rows: Mapping[str, BrowserRow]) -> dict[str, Row]:
+    """What counts of the attempts, by id."""
+    return {key: Row(excluded=row.excluded, label=row.label) for key, row in rows.items()}
 
 
 def _one_each(edits: Sequence[Edit]) -> tuple[list[Edit], list[str]]:

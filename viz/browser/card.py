@@ -8,11 +8,11 @@ import cv2
 import rerun as rr
 import rerun.blueprint as rrb
 
-from handsight.datasets.records import GraspAttempt, RgbdFrame, StationSpec
+from handsight.datasets.records import RgbdFrame, StationSpec
 from handsight.datasets.views import station_view
-from handsight.viz.errors import RecordingError
+from handsight.servoing.planar import PlanarPose
 from handsight.viz.pixels import PictureFrame
-from handsight.viz.recordings.attempt import attempted_step, label_colour
+from handsight.viz.recordings.attempt import label_colour, step_from
 from handsight.viz.recordings.encoding import jpeg
 from handsight.viz.recordings.glyphs import log_jaws
 from handsight.viz.recordings.layouts import BACKGROUND, picture_bounds
@@ -24,31 +24,36 @@ WIDTH_PX = 320
 ORIGIN = "/picture"
 
 
-def write_card(path: Path, name: str, attempt: GraspAttempt, station: StationSpec, *, success: bool | None) -> None:
+def write_card(
+    path: Path, name: str, frame: RgbdFrame, goal: PlanarPose | None, station: StationSpec, *, success: bool | None
+) -> None:
     """Write the recording that a card shows.
 
     Args:
         path: The ``.rrd``.
         name: Its recording id.
-        attempt: As it was recorded.
+        frame: The overhead picture.
+        goal: The pre-grasp pose; None where none was chosen.
         station: What recorded it.
         success: The label that counts; None where there is none.
 
     Raises:
-        RecordingError: The attempt took no picture, or ``path`` cannot be written.
+        RecordingError: ``path`` cannot be written.
     """
-    frame = attempt.overhead
-    if frame is None:
-        raise RecordingError(f"{name} has no picture to show ({attempt.failure}), expected an overhead one")
     with write_recording(path, kind=KIND, name=name, blueprint=None) as stream:
         _log_thumbnail(stream, frame)
-        step = attempted_step(attempt, frame)
-        if step is not None:
+        if goal is not None:
             view = station_view(frame, station)
             picture = PictureFrame(camera=view.camera, plane_m=view.plane_m)
-            colour = label_colour(success)
             log_jaws(
-                stream, "picture/jaws", picture, step, width_m=station.gripper_stroke_m, colour=colour, static=True
+                stream,
+                "picture/jaws",
+                picture,
+                step_from(frame, goal),
+                width_m=station.gripper_stroke_m,
+                colour=label_colour(success),
+                dashed=success is False,
+                static=True,
             )
 
 

@@ -42,6 +42,7 @@ class Catalog:
         self._folder = HeldFolder("handsight-browser-")
         self._datasets = {kind: self._client.create_dataset(dataset) for kind, dataset in _DATASETS.items()}
         self._table = self._client.create_table(name, SCHEMA)
+        self._said: pa.Table | None = None
 
     @property
     def port(self) -> int:
@@ -86,8 +87,14 @@ class Catalog:
         self._table.upsert(batch)
 
     def edited(self) -> list[tuple[str, bool, str]]:
-        """What the table says now of each attempt: its id, whether it is excluded, its label."""
+        """What the table says now of each attempt: its id, whether it is excluded, its label.
+
+        Nothing where it says what it said the last time.
+        """
         found = self._table.reader().select(INDEX, EXCLUDED, LABEL).to_arrow_table()
+        if self._said is not None and found.equals(self._said):
+            return []
+        self._said = found
         columns = [found.column(name).to_pylist() for name in (INDEX, EXCLUDED, LABEL)]
         return [(str(key), bool(excluded), str(label)) for key, excluded, label in zip(*columns, strict=True)]
 

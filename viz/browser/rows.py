@@ -31,8 +31,10 @@ _COLUMNS = (
     "predicted_success",
     "contact_force_n",
     "width_final_m",
-    "failure",
     "started",
+    "pregrasp_x_m",
+    "pregrasp_y_m",
+    "pregrasp_angle_rad",
 )
 # The viewer writes the value of a row again by the column so marked.
 _IS_INDEX = {b"rerun:is_table_index": b"true"}
@@ -72,13 +74,57 @@ class Seen:
     """Codes of what doctor finds."""
 
 
-def browser_rows(dataset: GraspDataset, ids: Sequence[str]) -> pd.DataFrame:
-    """The columns that the browser's table is made of, in the order of the ids."""
-    return dataset.rows(ids, _COLUMNS).loc[list(ids)]
+@dataclass(frozen=True, slots=True)
+class BrowserRow:
+    """What is shown of an attempt, in plain values: tens of thousands of them are made at once."""
+
+    number: int
+    outcome: str
+    success: bool | None
+    """The label that counts; None where there is none."""
+    recorded_success: bool | None
+    excluded: bool
+    exclusion_reason: str | None
+    target: str | None
+    predicted_success: float
+    contact_force_n: float
+    width_final_m: float
+    started: str
+    """UTC."""
+    pregrasp_x_m: float
+    pregrasp_y_m: float
+    pregrasp_angle_rad: float
+    """The pre-grasp pose in the base frame; NaN where none was chosen."""
+
+    @property
+    def title(self) -> str:
+        """What a person calls it: what it was after, how it ended, and its number."""
+        target = "no target" if self.target is None else self.target.split("/")[-1]
+        return f"{target} · {self.outcome} · {self.number}"
+
+    @property
+    def label(self) -> str:
+        """The label as the table's cell has it."""
+        return label_text(self.success)
+
+    @property
+    def curation(self) -> str:
+        """What curation decided of it; empty where it decided nothing."""
+        said = [f"excluded: {self.exclusion_reason}"] if self.excluded else []
+        if self.success is not None and self.success != self.recorded_success:
+            said.append(f"relabelled from {label_text(self.recorded_success)}")
+        return "; ".join(said)
+
+
+def browser_rows(dataset: GraspDataset, ids: Sequence[str]) -> dict[str, BrowserRow]:
+    """What is shown of attempts, by id, in the order of the ids."""
+    found = dataset.rows(ids, _COLUMNS).loc[list(ids)]
+    columns = [_plain(found[name]) for name in _COLUMNS]
+    return {str(key): BrowserRow(*values) for key, *values in zip(found.index, *columns, strict=True)}
 
 
 def table_batch(
-    rows: pd.DataFrame, seen: Seen, *, card: Mapping[str, str], opened: Mapping[str, str]
+    rows: Mapping[str, BrowserRow], seen: Seen, *, card: Mapping[str, str], opened: Mapping[str, str]
 ) -> pa.RecordBatch:
     """The rows as the viewer's table takes them.
 
@@ -88,50 +134,41 @@ def table_batch(
         card: Address of the recording that a card shows, by id.
         opened: Address of the recording that a card opens.
     """
-    ids = [str(key) for key in rows.index]
-    predicted = rows["predicted_success"].to_numpy(dtype=float)
-    if seen.predicted:
-        predicted = np.array([seen.predicted.get(key, np.nan) for key in ids], dtype=float)
+    predicted = seen.predicted or {key: row.predicted_success for key, row in rows.items()}
+    nothing = float("nan")
     values: dict[str, Any] = {
-        INDEX: ids,
-        "title": [title(row) for row in rows.itertuples()],
-        EXCLUDED: rows["excluded"].to_numpy(dtype=bool),
-        LABEL: [label_text(success) for success in rows["success"]],
-        "outcome": rows["outcome"].tolist(),
-        "target": [None if pd.isna(target) else target for target in rows["target"]],
-        "predicted_success": _numbers(predicted, 3),
-        "label_quality": _numbers([seen.label_quality.get(key, np.nan) for key in ids], 3),
-        "force_n": _numbers(rows["contact_force_n"], 1),
-        "opening_mm": _numbers(1e3 * rows["width_final_m"], 1),
-        "findings": [" ".join(seen.findings.get(key, ())) or None for key in ids],
-        "curation": [curation_text(row) or None for row in rows.itertuples()],
-        "started": [f"{when:%Y-%m-%d %H:%M:%S}" for when in rows["started"]],
-        "session": [key.partition("-")[0] for key in ids],
-        "card": [card[key] for key in ids],
-        "open": [opened[key] for key in ids],
+        INDEX: list(rows),
+        "title": [row.title for row in rows.values()],
+        EXCLUDED: [row.excluded for row in rows.values()],
+        LABEL: [row.label for row in rows.values()],
+        "outcome": [row.outcome for row in rows.values()],
+        "target": [row.target for row in rows.values()],
+        "predicted_success": _numbers([predicted.get(key, nothing) for key in rows], 3),
+        "label_quality": _numbers([seen.label_quality.get(key, nothing) for key in rows], 3),
+        "force_n": _numbers([row.contact_force_n for row in rows.values()], 1),
+        "opening_mm": _numbers([1e3 * row.width_final_m for row in rows.values()], 1),
+        "findings": [" ".join(seen.findings.get(key, ())) or None for key in rows],
+        "curation": [row.curation or None for row in rows.values()],
+        "started": [row.started for row in rows.values()],
+        "session": [key.partition("-")[0] for key in rows],
+        "card": [card[key] for key in rows],
+        "open": [opened[key] for key in rows],
     }
     return pa.record_batch([pa.array(values[one.name], type=one.type) for one in SCHEMA], schema=SCHEMA)
 
 
-def title(row: Any) -> str:
-    """What a person calls an attempt: what it was after, how it ended, and its number."""
-    target = "no target" if pd.isna(row.target) else str(row.target).split("/")[-1]
-    return f"{target} · {row.outcome} · {row.number}"
+def label_text(success: bool | None) -> str:
+    """A label as the table's cell has it."""
+    return NO_LABEL if success is None else LABELS[0] if success else LABELS[1]
 
 
-def label_text(success: Any) -> str:
-    """The label as the table's cell has it."""
-    return NO_LABEL if pd.isna(success) else LABELS[0] if success else LABELS[1]
-
-
-def curation_text(row: Any) -> str:
-    """What curation decided of an attempt; empty where it decided nothing."""
-    said = []
-    if row.excluded:
-        said.append(f"excluded: {row.exclusion_reason}")
-    if not pd.isna(row.success) and bool(row.success) != bool(row.recorded_success):
-        said.append(f"relabelled from {label_text(row.recorded_success)}")
-    return "; ".join(said)
+def _plain(column: pd.Series[Any]) -> list[Any]:
+    """The values of a column as Python's own; None for what is missing but in columns of numbers."""
+    if column.name == "started":
+        return list(column.dt.strftime("%Y-%m-%d %H:%M:%S"))
+    if pd.api.types.is_float_dtype(column.dtype):
+        return column.tolist()
+    return column.astype(object).where(column.notna(), None).tolist()
 
 
 def _numbers(values: Any, digits: int) -> Any:

@@ -11,6 +11,7 @@ from urllib.parse import quote
 from rerun.experimental import ViewerClient
 
 from handsight.viz.browser.display import check_display
+from handsight.viz.browser.page import serve_page
 from handsight.viz.errors import ViewerError
 from handsight.viz.recordings.viewer_process import free_port, running_viewer
 
@@ -68,9 +69,11 @@ def web_viewer(address: str, *, host: str = "127.0.0.1", port: int = 0) -> Itera
     Raises:
         ViewerError: The server did not start, as where the port is in use.
     """
-    page_port, grpc_port = port or free_port(), free_port()
-    arguments = ["--serve-web", address, "--bind", host, "--port", str(grpc_port)]
-    arguments += ["--web-viewer-port", str(page_port)]
-    with running_viewer(arguments, page_port) as process:
+    inner_port, grpc_port = free_port(), free_port()
+    arguments = ["--serve-web", address, "--bind", "127.0.0.1", "--port", str(grpc_port)]
+    with (
+        running_viewer([*arguments, "--web-viewer-port", str(inner_port)], inner_port) as process,
+        serve_page(inner_port, host=host, port=port) as page_port,
+    ):
         page = f"http://{host}:{page_port}/?url={quote(address, safe='')}"
         yield OpenViewer(process=process, port=grpc_port, page=page)

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import cycle
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 import matplotlib as mpl
 from matplotlib.figure import Figure
@@ -18,15 +18,11 @@ from matplotlib.ticker import NullFormatter, PercentFormatter
 from handsight.training.sweep.table import ObjectRow, SweepRow
 from handsight.viz.errors import FigureError
 from handsight.viz.figures.rate_panels import GREY, dress, shortened
-from handsight.viz.figures.style import INK, STYLE, save_figure
+from handsight.viz.figures.style import INK, SERIES, STYLE, save_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_COLOURS: Final = ("#1b5e9e", "#d0661a", "#4d4d4d", "#00a08a", "#8d4fa8", "#b3a100")
-"""Of Okabe and Ito's kind: told apart under deuteranopia."""
-_MARKERS: Final = ("o", "s", "^", "D", "v", "P")
-_DASHES: Final[tuple[Any, ...]] = ("-", (0, (5, 2)), (0, (1.5, 1.5)), (0, (6, 2, 1.5, 2)))
 _SPREAD: Final = 0.02
 """By how much the points of neighbouring series stand apart, as a factor of the size."""
 _MOST_OBJECTS: Final = 40
@@ -51,11 +47,12 @@ def ablation_figure(rows: Sequence[SweepRow], objects: Sequence[ObjectRow], path
     shown = _largest(rows, objects)
     names = list(dict.fromkeys(row.object for row in shown))[:_MOST_OBJECTS]
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(13.5, max(4.8, 1.2 + 0.19 * len(names))), dpi=110, layout="constrained")
+        figure = Figure(figsize=(11.0, max(4.8, 1.4 + 0.19 * len(names))), dpi=110, layout="constrained")
         accuracy, auc, by_object = figure.subplots(1, 3, width_ratios=(1.2, 1.2, 1.0))
         _draw_curves(accuracy, rows, "accuracy")
         _draw_curves(auc, rows, "auc")
-        accuracy.legend(frameon=False, fontsize=9, loc="lower right")
+        handles, labels = accuracy.get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside upper left", ncols=3, frameon=False, fontsize=9)
         _draw_objects(by_object, shown, names, list(dict.fromkeys(row.series for row in rows)))
         return save_figure(figure, path)
 
@@ -68,14 +65,14 @@ def _largest(rows: Sequence[SweepRow], objects: Sequence[ObjectRow]) -> list[Obj
 def _draw_curves(axes: Axes, rows: Sequence[SweepRow], which: str) -> None:
     """Means with their intervals, a line for each series."""
     names = list(dict.fromkeys(row.series for row in rows))
-    for at, (name, colour, marker, dash) in enumerate(zip(names, cycle(_COLOURS), cycle(_MARKERS), cycle(_DASHES))):
+    for at, (name, series) in enumerate(zip(names, cycle(SERIES))):
         points = [(row.trained_on, getattr(row, which)) for row in rows if row.series == name]
         apart = (1 + _SPREAD) ** (2 * at - len(names) + 1)
         sizes, means = [size * apart for size, _ in points], [mean.mean for _, mean in points]
-        axes.plot(sizes, means, color=colour, marker=marker, linestyle=dash, markersize=5, label=name)
+        axes.plot(sizes, means, label=name, **series.line())
         for size, (_, mean) in zip(sizes, points, strict=True):
             if mean.low is not None:
-                axes.plot([size, size], [mean.low, mean.high], color=colour, linewidth=1.1, alpha=0.75)
+                axes.plot([size, size], [mean.low, mean.high], color=series.ink, linewidth=1.1, alpha=0.75)
     sizes = sorted({row.trained_on for row in rows})
     axes.set_xscale("log")
     axes.set_xticks(sizes, [f"{size:,.0f}" for size in sizes], rotation=35, ha="right")
@@ -94,14 +91,14 @@ def _draw_curves(axes: Axes, rows: Sequence[SweepRow], which: str) -> None:
 
 def _draw_objects(axes: Axes, rows: Sequence[ObjectRow], names: Sequence[str], series: Sequence[str]) -> None:
     """Accuracy on each object that was held out, the worst on top."""
-    for name, colour, marker in zip(series, cycle(_COLOURS), cycle(_MARKERS)):
+    for name, one in zip(series, cycle(SERIES)):
         found = {row.object: row.correct / row.attempts for row in rows if row.series == name}
         at = [row for row, target in enumerate(names) if target in found]
         axes.plot(
             [found[names[row]] for row in at],
             at,
-            color=colour,
-            marker=marker,
+            color=one.ink,
+            marker=one.marker,
             linestyle="none",
             markersize=4.5,
             alpha=0.9,

@@ -124,6 +124,7 @@ def _draw_grasp(
         (step.dx_m, step.dy_m, step.dangle_rad),
         width_m=station.gripper_stroke_m,
         colour=palette.CHOSEN if success is None else palette.HELD if success else palette.EMPTY,
+        dashed=success is False,
     )
 
 

@@ -18,6 +18,7 @@ from matplotlib.ticker import MaxNLocator
 
 from handsight.datasets.reading.stats import Histogram, LabelStats, PositionMap
 from handsight.evaluation.results import wilson_95
+from handsight.viz import palette
 from handsight.viz.errors import FigureError
 from handsight.viz.figures.rate_panels import (
     draw_angles,
@@ -32,14 +33,12 @@ from handsight.viz.figures.rate_panels import (
     say,
     shortened,
 )
-from handsight.viz.figures.style import BAR_COLOURS, INK, STYLE, check_figure_path, save_png, save_svg
+from handsight.viz.figures.style import INK, STYLE, check_figure_path, save_png, save_svg
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 SUFFIXES: Final = (".png", ".svg")
-HELD_COLOUR: Final = BAR_COLOURS[1]
-EMPTY_COLOUR: Final = BAR_COLOURS[3]
 BARE: Final = "#eef0f3"
 """Table on which too few grasps were attempted."""
 FEWEST_IN_A_CELL: Final = 10
@@ -127,8 +126,20 @@ def _draw_openings(axes: Axes, histogram: Histogram) -> None:
         edges_mm += np.array([-0.5, 0.5])
     held = np.array(histogram.successes)
     empty = np.array(histogram.attempts) - held
-    for counts, colour, name in ((empty, EMPTY_COLOUR, "failed"), (held, HELD_COLOUR, "succeeded")):
-        axes.stairs(counts, edges_mm, fill=True, color=colour, alpha=0.75, label=name, baseline=0.5, zorder=2)
+    for counts, colour, name, hatch in ((empty, palette.EMPTY, "failed", "//"), (held, palette.HELD, "succeeded", "")):
+        axes.stairs(
+            counts,
+            edges_mm,
+            fill=True,
+            facecolor=palette.ink(colour),
+            edgecolor="white",
+            linewidth=0,
+            hatch=hatch,
+            alpha=0.75,
+            label=name,
+            baseline=0.5,
+            zorder=2,
+        )
     axes.set_yscale("log")
     axes.set_ylim(0.5, 2.5 * max(histogram.attempts))
     axes.minorticks_off()

@@ -19,12 +19,13 @@ from handsight.evaluation.durations import DurationRow
 from handsight.servoing.methods.registry import METHODS
 from handsight.viz.errors import FigureError
 from handsight.viz.figures.rate_panels import GREY, dress, say
-from handsight.viz.figures.style import BAR_COLOURS, INK, STYLE, save_png
+from handsight.viz.figures.style import INK, STYLE, check_figure_path, save_png, save_svg
+from handsight.viz.palette import MISSED_INK, SET_INKS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-MISSED_COLOUR: Final = "#cfd6de"
+SUFFIXES: Final = (".png", ".svg")
 LIMIT_GAP: Final = 0.6
 """By how much the last bar stands apart from the others."""
 MOST_TICKS: Final = 11
@@ -36,7 +37,7 @@ def durations_figure(rows: Sequence[DurationRow], path: Path) -> Path:
 
     Args:
         rows: ``durations`` of ``evaluate --json``; methods are rows of panels, object sets columns.
-        path: Where to write, as PNG.
+        path: What to write; its suffix, ``.png`` or ``.svg``, says how.
 
     Returns:
         The file written.
@@ -44,6 +45,7 @@ def durations_figure(rows: Sequence[DurationRow], path: Path) -> Path:
     Raises:
         FigureError: There are no rows, as where no method servoes, or some cannot be drawn; nothing is written then.
     """
+    check_figure_path(path, *SUFFIXES)
     _check(rows)
     methods = list(dict.fromkeys(row["method"] for row in rows))
     sets = list(dict.fromkeys(row["objects"] for row in rows))
@@ -58,7 +60,7 @@ def durations_figure(rows: Sequence[DurationRow], path: Path) -> Path:
                 _draw(axes, chosen, method, objects)
         handles, labels = panels[0][0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside upper left", ncols=2, frameon=False, fontsize=9)
-        return save_png(figure, path)
+        return (save_png if path.suffix.lower() == ".png" else save_svg)(figure, path)
 
 
 def _check(rows: Sequence[DurationRow]) -> None:
@@ -83,8 +85,8 @@ def _draw(axes: Axes, rows: Sequence[DurationRow], method: str, objects: str) ->
         return
     centres = [row["moves"] + LIMIT_GAP * row["limit"] for row in rows]
     trials, held = [row["trials"] for row in rows], [row["successes"] for row in rows]
-    axes.bar(centres, trials, 0.8, color=MISSED_COLOUR, label="trials", zorder=2)
-    axes.bar(centres, held, 0.8, color=BAR_COLOURS[0], label="of them held", zorder=3)
+    axes.bar(centres, trials, 0.8, color=MISSED_INK, label="trials", zorder=2)
+    axes.bar(centres, held, 0.8, color=SET_INKS[0], label="of them held", zorder=3)
     between = "/" if len(rows) <= MOST_TICKS + 1 else "\nof "
     for centre, count, good in zip(centres, trials, held, strict=True):
         if count:

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Final
 
 import matplotlib as mpl
 import numpy as np
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 from handsight.viz import palette
@@ -22,8 +24,16 @@ if TYPE_CHECKING:
 
 LEFT_MARGIN: Final = 0.035
 """Share of the width for the names of the rows."""
+RIGHT_PX: Final = 62
+"""For the scales of the colours."""
+SCALE_PX: Final = 10
 TITLE_PX: Final = 34
 ROWS: Final = ("best grasp", "predicted success", "depth")
+SCALES: Final = {
+    1: (Normalize(0.0, 1.0), "inferno", "S", (0.25, 0.5, 0.75)),
+    2: (Normalize(-1e2 * palette.BELOW_TABLE_M, 1e2 * palette.TALLEST_M), "viridis_r", "height [cm]", (-2, 0, 2, 4)),
+}
+"""Of the rows whose colours mean numbers: range, colours, name and ticks; none at the ends, where scales meet."""
 
 
 def montage_figure(path: Path, examples: Sequence[HeatmapExample]) -> Path:
@@ -41,7 +51,7 @@ def montage_figure(path: Path, examples: Sequence[HeatmapExample]) -> Path:
     """
     _check(examples)
     k = examples[0].view.camera.intrinsics
-    cell_px = (WIDTH_PX * (1 - LEFT_MARGIN) - GAP_PX * len(examples)) / len(examples)
+    cell_px = (WIDTH_PX * (1 - LEFT_MARGIN) - RIGHT_PX - GAP_PX * len(examples)) / len(examples)
     cell_height_px = cell_px * k.height / k.width
     height_px = round(TITLE_PX + len(ROWS) * (cell_height_px + GAP_PX))
     with mpl.rc_context(STYLE):
@@ -54,6 +64,11 @@ def montage_figure(path: Path, examples: Sequence[HeatmapExample]) -> Path:
                 axes = figure.add_axes((left, bottom, cell_px / WIDTH_PX, cell_height_px / height_px))
                 draw(axes, example)
                 _dress(axes, example, first_row=row == 0, name=ROWS[row] if column == 0 else "")
+        for row, (norm, colours, label, ticks) in SCALES.items():
+            top_px = TITLE_PX + row * (cell_height_px + GAP_PX)
+            bottom = 1 - (top_px + cell_height_px) / height_px
+            place = (1 - (RIGHT_PX - GAP_PX) / WIDTH_PX, bottom, SCALE_PX / WIDTH_PX, cell_height_px / height_px)
+            _draw_scale(figure.add_axes(place), norm, colours, label, ticks)
         return save_png(figure, path)
 
 
@@ -104,6 +119,14 @@ def _draw_depth(axes: Axes, example: HeatmapExample) -> None:
         vmax=view.plane_m + palette.BELOW_TABLE_M,
         interpolation="antialiased",
     )
+
+
+def _draw_scale(axes: Axes, norm: Normalize, colours: str, label: str, ticks: Sequence[float]) -> None:
+    bar = axes.figure.colorbar(ScalarMappable(norm, colours), cax=axes)
+    bar.outline.set_visible(False)
+    bar.set_ticks(list(ticks))
+    axes.tick_params(length=0, labelsize=6.5, pad=2)
+    axes.set_ylabel(label, fontsize=6.5, labelpad=2)
 
 
 def _dress(axes: Axes, example: HeatmapExample, *, first_row: bool, name: str) -> None:

@@ -13,12 +13,13 @@ from numpy.typing import ArrayLike, NDArray
 from handsight.datasets.errors import counted
 from handsight.datasets.reading.stats import Histogram, Share, Window
 from handsight.evaluation.results import wilson_95
-from handsight.viz.figures.style import BAR_COLOURS, INK
+from handsight.viz.figures.style import INK
+from handsight.viz.palette import SET_INKS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-BLUE: Final = BAR_COLOURS[0]
+BLUE: Final = SET_INKS[0]
 GREY: Final = "#6b747f"
 GRID: Final = "#d8dde3"
 MOST_OBJECTS: Final = 40

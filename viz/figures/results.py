@@ -18,14 +18,16 @@ from handsight.datasets.errors import counted
 from handsight.evaluation.results import ResultRow
 from handsight.servoing.methods.registry import METHODS
 from handsight.viz.errors import FigureError
-from handsight.viz.figures.style import BAR_COLOURS, INK, STYLE, save_figure
+from handsight.viz.figures.style import HATCHES, INK, STYLE, save_figure
+from handsight.viz.palette import PAPER_INK, SET_INKS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-PAPER_INK: Final = "#d1495b"
 ROUNDING: Final = 1e-9
 GROUP_WIDTH: Final = 0.62
+BAR_IN: Final = 1.15
+"""Of the figure's width for each bar: the numbers over neighbours do not meet."""
 RATE_TOP: Final = 1.0
 COUNT_FITS_BELOW: Final = 0.08
 """Where the interval reaches lower than this, the count has no room inside the bar and goes above it."""
@@ -47,11 +49,15 @@ def results_figure(rows: Sequence[ResultRow], path: Path) -> tuple[Path, Path]:
     Raises:
         FigureError: There are no rows, or some cannot be drawn; nothing is written then.
     """
-    _check(rows)
+    check_rows(rows)
     with mpl.rc_context(STYLE):
         methods = list(dict.fromkeys(row["method"] for row in rows))
+        sets = dict.fromkeys(row["objects"] for row in rows)
         figure = Figure(
-            figsize=(1.6 + 1.7 * max(len(methods), 2), 4.2), dpi=150, layout="constrained", facecolor="white"
+            figsize=(1.6 + max(1.7, BAR_IN * len(sets)) * max(len(methods), 2), 4.2),
+            dpi=150,
+            layout="constrained",
+            facecolor="white",
         )
         axes = figure.add_subplot()
         _draw_bars(axes, rows, methods)
@@ -60,7 +66,12 @@ def results_figure(rows: Sequence[ResultRow], path: Path) -> tuple[Path, Path]:
         return save_figure(figure, path)
 
 
-def _check(rows: Sequence[ResultRow]) -> None:
+def check_rows(rows: Sequence[ResultRow]) -> None:
+    """Refuse rows that cannot be drawn.
+
+    Raises:
+        FigureError: There are none, or some have counts, rates or intervals that do not fit; all of them are named.
+    """
     faults = [] if rows else ["there are no rows, expected at least one"]
     seen = set()
     for number, row in enumerate(rows):
@@ -90,7 +101,17 @@ def _draw_bars(axes: Axes, rows: Sequence[ResultRow], methods: Sequence[str]) ->
         centres = np.array([methods.index(row["method"]) for row in chosen]) + (index + 0.5) * width - 0.5 * GROUP_WIDTH
         rates = np.array([row["rate"] for row in chosen])
         low, high = np.array([row["ci95"] for row in chosen]).T
-        axes.bar(centres, rates, 0.94 * width, color=BAR_COLOURS[index % len(BAR_COLOURS)], label=objects, zorder=2)
+        axes.bar(
+            centres,
+            rates,
+            0.94 * width,
+            color=SET_INKS[index % len(SET_INKS)],
+            hatch=HATCHES[index % len(HATCHES)],
+            edgecolor=(1, 1, 1, 0.35),
+            linewidth=0,
+            label=objects,
+            zorder=2,
+        )
         axes.errorbar(
             centres,
             rates,

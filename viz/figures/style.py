@@ -5,6 +5,7 @@ The same content gives the same bytes: files carry neither dates nor versions.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
@@ -13,11 +14,36 @@ from matplotlib.figure import Figure
 
 from handsight.datasets.atomic import atomic_file
 from handsight.datasets.writable import file_fault
+from handsight.viz import palette
 from handsight.viz.errors import FigureError
 
-BAR_COLOURS: Final = ("#3f6ea3", "#6f8f4e", "#8a6bab", "#b0763c")
-"""One per object set, in order of appearance; all dark enough for white numbers."""
 INK: Final = "#22272e"
+HATCHES: Final = ("", "//", "..", "xx")
+"""Of the bars of object sets, in their order."""
+
+
+@dataclass(frozen=True, slots=True)
+class Series:
+    """How one line of a figure is drawn: told from the others by its dash and its marker too."""
+
+    ink: str
+    marker: str
+    dash: Any
+
+    def line(self) -> dict[str, Any]:
+        """Settings of ``Axes.plot``."""
+        return {"color": self.ink, "marker": self.marker, "linestyle": self.dash, "markersize": 5}
+
+
+SERIES: Final = tuple(
+    Series(*parts)
+    for parts in zip(
+        palette.SERIES_INKS,
+        ("o", "s", "^", "D", "v", "P"),
+        ("-", (0, (5, 2)), (0, (1.5, 1.5)), (0, (6, 2, 1.5, 2)), (0, (3, 1)), (0, (8, 2))),
+        strict=True,
+    )
+)
 
 STYLE: Final[dict[Any, Any]] = {
     "font.family": "DejaVu Sans",

@@ -136,11 +136,13 @@ def attempt_blueprint(station: StationSpec, overhead: RgbdFrame) -> rrb.Blueprin
     )
 
 
-def attempted_step(attempt: GraspAttempt, frame: RgbdFrame) -> Step | None:
-    """From where a picture was taken to the pre-grasp pose; None where no pose was chosen."""
-    if not math.isfinite(attempt.pregrasp_x_m):
-        return None
-    goal = PlanarPose(x_m=attempt.pregrasp_x_m, y_m=attempt.pregrasp_y_m, angle_rad=attempt.pregrasp_angle_rad)
+def pregrasp_pose(x_m: float, y_m: float, angle_rad: float) -> PlanarPose | None:
+    """The pose of a grasp as it is recorded; None where none was chosen."""
+    return PlanarPose(x_m=x_m, y_m=y_m, angle_rad=angle_rad) if math.isfinite(x_m) else None
+
+
+def step_from(frame: RgbdFrame, goal: PlanarPose) -> Step:
+    """From where a picture was taken to a pre-grasp pose."""
     step = PlanarPose.from_pose_base_tool(frame.pose_base_tool).step_to(goal)
     return step.dx_m, step.dy_m, step.dangle_rad
 
@@ -203,13 +205,16 @@ def _log_pictures(stream: rr.RecordingStream, example: AttemptExample, view: Vie
 
 
 def _log_grasp(stream: rr.RecordingStream, example: AttemptExample, view: View, frame: RgbdFrame) -> None:
-    step = attempted_step(example.attempt, frame)
-    if step is None:
+    attempt = example.attempt
+    goal = pregrasp_pose(attempt.pregrasp_x_m, attempt.pregrasp_y_m, attempt.pregrasp_angle_rad)
+    if goal is None:
         return
+    step = step_from(frame, goal)
     stroke_m = example.station.gripper_stroke_m
     colour, outcome = label_colour(example.success), example.attempt.outcome.name.lower()
     picture = PictureFrame(camera=view.camera, plane_m=view.plane_m)
-    log_jaws(stream, f"{CAMERA}/jaws", picture, step, width_m=stroke_m, colour=colour, static=True)
+    missed = example.success is False
+    log_jaws(stream, f"{CAMERA}/jaws", picture, step, width_m=stroke_m, colour=colour, dashed=missed, static=True)
     log_label(stream, f"{CAMERA}/text", picture, [step], outcome, width_m=stroke_m, static=True)
     pose = example.attempt.pose_base_tool_grasp
     if np.isfinite(pose).all():

@@ -9,7 +9,7 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from handsight.viz.palette import OUTLINE, STEEL, Rgb
-from handsight.viz.pixels import FINGER_HALF_WIDTH_M, PictureFrame, Step
+from handsight.viz.pixels import FINGER_HALF_WIDTH_M, PictureFrame, Step, jaw_strips
 
 STAY: Step = (0.0, 0.0, 0.0)
 
@@ -44,15 +44,17 @@ def log_jaws(
     *,
     width_m: float,
     colour: Rgb,
+    dashed: bool = False,
     static: bool = False,
     above: float = 0.0,
 ) -> None:
     """Log the jaws as they would stand after ``step``, outlined in black so that they show on any picture.
 
-    Those with more ``above`` lie over those with less.
+    The line between them is dashed where ``dashed``, as it is for grasps that failed. Jaws
+    with more ``above`` lie over those with less.
     """
-    strips = frame.jaws(step, width_m)
-    radii = np.array([FINGER_UI, FINGER_UI, CLOSING_UI])
+    strips = jaw_strips(frame, step, width_m, dashed=dashed)
+    radii = np.array([FINGER_UI, FINGER_UI, *[CLOSING_UI] * (len(strips) - 2)])
     # In one entity the outline would be blended with its line: two entities, two draw orders.
     recording.log(
         f"{path}/outline",

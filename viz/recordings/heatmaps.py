@@ -129,6 +129,7 @@ def _log_once(stream: rr.RecordingStream, root: str, example: HeatmapExample) ->
             example.grasp,
             width_m=example.jaws_m,
             colour=colour,
+            dashed=example.held is False,
             static=True,
         )
     step = best_step(example.heatmap, frame)

@@ -64,7 +64,15 @@ def _log_pictures(stream: rr.RecordingStream, example: LabelIssueExample) -> Non
     range_m = (view.plane_m - palette.TALLEST_M, view.plane_m + palette.BELOW_TABLE_M)
     stream.log("picture/depth", depth_png(view.depth_m, unit_m=DEPTH_UNIT_M, range_m=range_m))
     colour = palette.HELD if issue.success else palette.EMPTY
-    log_jaws(stream, "picture/jaws", frame, example.grasp, width_m=example.jaws_m, colour=colour)
+    log_jaws(
+        stream,
+        "picture/jaws",
+        frame,
+        example.grasp,
+        width_m=example.jaws_m,
+        colour=colour,
+        dashed=not issue.success,
+    )
     text = f"labelled {issue.label} · S {issue.predicted_success:.2f}"
     log_label(stream, "picture/text", frame, [example.grasp], text, width_m=example.jaws_m)
     inputs = example.inputs.astype(np.float32)  # (4, size, size)

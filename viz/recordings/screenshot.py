@@ -46,7 +46,7 @@ def save_screenshots(recording: Path, shots: Mapping[int, Path], *, timeline: st
     """
     if not recording.is_file():
         raise ScreenshotError(f"there is no recording at {str(recording)!r}, expected an .rrd file")
-    with _viewer() as viewer:
+    with headless_viewer() as viewer:
         _open(viewer, recording)
         for step, path in shots.items():
             _show(viewer, timeline, step)
@@ -68,7 +68,7 @@ def save_address_picture(address: str, path: Path) -> None:
         ScreenshotError: The viewer showed no steady picture.
         NoVulkanError: The viewer found no graphics driver.
     """
-    with _viewer() as viewer:
+    with headless_viewer() as viewer:
         patiently(lambda: viewer.open(address), time.monotonic() + PICTURE_LIMIT_S, f"open {address}")
         while patiently(viewer.get_state, time.monotonic() + PICTURE_LIMIT_S, "load what it shows").loading:
             time.sleep(POLL_S)
@@ -79,7 +79,7 @@ def save_address_picture(address: str, path: Path) -> None:
 
 
 @contextmanager
-def _viewer() -> Iterator[ViewerClient]:
+def headless_viewer() -> Iterator[ViewerClient]:
     """A headless viewer, reachable from this machine only, that ends with the block whatever happens in it."""
     port = free_port()
     arguments = ["--headless", "--hide-welcome-screen", "--bind", "127.0.0.1", "--port", str(port)]

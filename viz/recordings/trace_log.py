@@ -71,13 +71,13 @@ MOST_SAMPLES = 1500
 NO_NEXT = "no next view"
 NOTE_PX = 32.0
 SERIES = {
-    "plots/score/here": ("S(p)", palette.HERE),
+    "plots/score/here": ("S(p)", palette.MEASURED),
     "plots/score/predicted": ("S(p+Δp)", palette.CHOSEN),
     "plots/score/threshold": ("threshold", palette.THRESHOLD),
     "plots/step/dx_mm": ("Δx [mm]", palette.AXIS_X),
     "plots/step/dy_mm": ("Δy [mm]", palette.AXIS_Y),
     "plots/turn/dangle_deg": ("Δθ [°]", palette.TURN),
-    "plots/time/look_ms": ("look [ms]", palette.HERE),
+    "plots/time/look_ms": ("look [ms]", palette.MEASURED),
     "plots/time/compute_ms": ("compute [ms]", palette.CHOSEN),
     "plots/gradient/x": ("∂S/∂x", palette.AXIS_X),
     "plots/gradient/y": ("∂S/∂y", palette.AXIS_Y),
@@ -256,7 +256,17 @@ class TraceLog:
             log_arrow(stream, f"{CAMERA}/arrow", frame, grasp, colour=colour)
         else:
             stream.log(f"{CAMERA}/jaws/here", rr.Clear(recursive=True))
-        log_jaws(stream, f"{CAMERA}/jaws/grasp", frame, grasp, width_m=spec.gripper_stroke_m, colour=colour, above=2.0)
+        missed, width_m = not recording.trial.success, spec.gripper_stroke_m
+        log_jaws(
+            stream,
+            f"{CAMERA}/jaws/grasp",
+            frame,
+            grasp,
+            width_m=width_m,
+            colour=colour,
+            dashed=missed,
+            above=2.0,
+        )
         text = f"{outcome(recording)} · S {trace.grasp_score:.2f}"
         log_label(stream, f"{CAMERA}/text", frame, [grasp], text, width_m=spec.gripper_stroke_m)
         pose = trace.grasp_pose.pose_base_tool(0.0)

@@ -11,7 +11,7 @@ from tests.support.rrd import colours, read_picture
 
 from handsight.viz.errors import FigureError
 from handsight.viz.examples import HeatmapExample
-from handsight.viz.figures.montage import LEFT_MARGIN, TITLE_PX, montage_figure
+from handsight.viz.figures.montage import LEFT_MARGIN, RIGHT_PX, TITLE_PX, montage_figure
 from handsight.viz.figures.pictures import GAP_PX, WIDTH_PX
 
 
@@ -29,7 +29,8 @@ def test_long_titles_of_a_montage_do_not_meet(examples: list[HeatmapExample], tm
     strip = [dataclasses.replace(examples[0], title=40 * "W", held=True) for _ in range(4)]
     titles = read_picture(montage_figure(tmp_path / "montage.png", strip))[:TITLE_PX, :, :3]
     inked = np.asarray((titles < 200).any(axis=(0, 2)))
-    left, width = LEFT_MARGIN * WIDTH_PX, (1 - LEFT_MARGIN) * WIDTH_PX / len(strip)
+    left = LEFT_MARGIN * WIDTH_PX
+    width = (WIDTH_PX - left - RIGHT_PX) / len(strip)
     gaps = [round(left + column * width) - GAP_PX // 2 for column in range(len(strip))]
     assert inked.sum() > WIDTH_PX // 2
     assert not inked[gaps].any()

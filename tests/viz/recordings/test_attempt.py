@@ -19,7 +19,14 @@ from handsight.servoing.planar import PlanarPose, PlanarStep
 from handsight.viz import palette
 from handsight.viz.errors import RecordingError
 from handsight.viz.pixels import PictureFrame
-from handsight.viz.recordings.attempt import TIMELINE, AttemptExample, attempted_step, label_colour, write_attempt
+from handsight.viz.recordings.attempt import (
+    TIMELINE,
+    AttemptExample,
+    label_colour,
+    pregrasp_pose,
+    step_from,
+    write_attempt,
+)
 from handsight.viz.recordings.layouts import CAMERA
 
 
@@ -81,8 +88,9 @@ def test_the_jaws_lie_where_the_grasp_was_attempted(example: AttemptExample, tmp
     content = read_recording(tmp_path / "attempt.rrd", timeline=TIMELINE)
     attempt, frame = example.attempt, example.attempt.overhead
     assert frame is not None
-    step = attempted_step(attempt, frame)
-    assert step is not None
+    goal = pregrasp_pose(attempt.pregrasp_x_m, attempt.pregrasp_y_m, attempt.pregrasp_angle_rad)
+    assert goal is not None
+    step = step_from(frame, goal)
     dx_m, dy_m, dangle_rad = step
     reached = PlanarPose.from_pose_base_tool(frame.pose_base_tool).after(
         PlanarStep(dx_m=dx_m, dy_m=dy_m, dangle_rad=dangle_rad)

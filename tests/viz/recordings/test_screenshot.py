@@ -72,8 +72,8 @@ def test_a_missing_recording_is_reported(tmp_path: Path) -> None:
 SHOOTER = """
 import os, sys
 from pathlib import Path
-from handsight.viz.recordings.screenshot import _viewer
-with _viewer():
+from handsight.viz.recordings.screenshot import headless_viewer
+with headless_viewer():
     (viewer,) = Path(f"/proc/self/task/{os.getpid()}/children").read_text().split()
     print(viewer, flush=True)
     sys.stdin.read()
