@@ -108,7 +108,7 @@ NOUNS = (
     LazyCommand(
         "report",
         "report:report_command",
-        "Write a page that tells everything about a dataset, a run or a folder.",
+        "Write one page about a dataset, a run or a folder.",
         (
             "handsight report demo",
             "handsight report grasps@v1 --out grasps.html",
