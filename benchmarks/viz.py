@@ -39,8 +39,8 @@ TURN_RAD = math.radians(20)
 ANGLES = 18
 STEPS = 12
 METHOD = "first-order"
-TRIALS = 8
-"""Trials with and without a viewer, taken in turn."""
+TRIALS, REPEATS = 2, 5
+"""Trials, and how often each is run with and without a viewer."""
 
 
 def run() -> list[Figure]:
@@ -217,35 +217,39 @@ class _Clock:
 
 
 def _live(station: SimStation, scorer: Scorer) -> list[Figure]:
-    """How much longer steps take while a viewer watches, and how long each is held up."""
+    """How much longer steps take while a viewer watches, and how long each is held up.
+
+    The same trials are run several times with and without, in turn, and the least time of each step is taken: what else
+    the machine does then counts on neither side.
+    """
     from handsight.viz.recordings.live import LiveTrace
 
-    bare: list[float] = []
-    watched: list[float] = []
+    bare: list[list[list[float]]] = [[] for _ in range(TRIALS)]
+    watched: list[list[list[float]]] = [[] for _ in range(TRIALS)]
     handing: list[float] = []
     with _receiver() as url:
-        for number in range(TRIALS):
+        for repeat in range(REPEATS * TRIALS):
+            number = repeat % TRIALS
             alone = _Clock(None)
             _trial(station, scorer, number, alone)
-            bare.append(statistics.mean(alone.times_s))
+            bare[number].append(alone.times_s)
             live = LiveTrace(url, arm=Ur10Shape())
             over = _HandingOver(live)
             clock = _Clock(over)
             _trial(station, scorer, number, clock)
-            watched.append(statistics.mean(clock.times_s))
+            watched[number].append(clock.times_s)
             handing += over.held_up_s
             live.close()
             if live.gone:
                 raise RuntimeError("the receiver stopped answering, expected it to take everything")
-    bare_ms, watched_ms = 1e3 * statistics.median(bare), 1e3 * statistics.median(watched)
-    slower = statistics.median(with_it / without - 1 for with_it, without in zip(watched, bare, strict=True))
+    bare_ms, watched_ms = (1e3 * float(np.mean([np.min(runs, axis=0) for runs in some])) for some in (bare, watched))
     return [
         Figure(
             name="live logging, share of a step",
-            ours=100 * slower,
-            floor=100 * 1e3 * statistics.mean(handing) / bare_ms,
+            ours=100 * (watched_ms / bare_ms - 1),
+            floor=100 * 1e3 * statistics.median(handing) / bare_ms,
             unit="%",
-            n=TRIALS,
+            n=REPEATS * TRIALS,
             what="How much longer steps of the same trials take while they are streamed; floor: handing them over.",
         ),
         Figure(
@@ -253,7 +257,7 @@ def _live(station: SimStation, scorer: Scorer) -> list[Figure]:
             ours=watched_ms,
             floor=bare_ms,
             unit="ms",
-            n=TRIALS,
+            n=REPEATS * TRIALS,
             what=f"From step to step of {METHOD} on the simulated station; floor: the same trials unwatched.",
         ),
     ]

@@ -16,10 +16,11 @@ from handsight.cli.heatmap import (
     Wrong,
     check_chosen_one_way,
     heatmap_request,
+    heatmaps_json,
     heatmaps_of,
 )
 from handsight.cli.opening import check_out_file, checked_address, open_version
-from handsight.cli.options import DEFAULT_THRESHOLD, Dataset, Filter, Ids, Model, Threshold, Where
+from handsight.cli.options import DEFAULT_THRESHOLD, Dataset, Filter, Ids, Json, Model, Threshold, Where
 from handsight.cli.output import console
 from handsight.cli.view.showing import Picture, Port, Web, check_way_to_look, show_recording
 from handsight.training.run_folder import check_finished_run
@@ -43,6 +44,7 @@ def heatmap_command(
     web: Web = False,
     port: Port = 0,
     picture: Picture = None,
+    as_json: Json = False,
 ) -> None:
     """Look at predicted success over pictures of a dataset, at all angles; 'heatmap' writes the same into a file.
 
@@ -75,5 +77,7 @@ def heatmap_command(
     with HeldFolder("handsight-heatmaps-") as folder:
         recording = out if out is not None else folder / "heatmaps.rrd"
         write_heatmaps(recording, made.examples, made.overview)
-        console.print(f"shown: {made.temperature}")
-        show_recording(recording, timeline=HEAT_TIMELINE, web=web, port=port, picture=picture)
+        if not as_json:
+            console.print(f"shown: {made.temperature}")
+        told = {**heatmaps_json(made, angles), "recording": out}
+        show_recording(recording, told, timeline=HEAT_TIMELINE, web=web, port=port, picture=picture, as_json=as_json)

@@ -10,7 +10,7 @@ import typer
 
 from handsight.cli.errors import CommandError
 from handsight.cli.opening import check_out_file
-from handsight.cli.output import bold, console
+from handsight.cli.output import bold, console, print_json
 
 Web = Annotated[bool, typer.Option("--web", help="Serve a page to a web browser on this machine.")]
 Port = Annotated[int, typer.Option("--port", min=0, max=65535, help="Port of the page with --web; 0 for any free one.")]
@@ -38,9 +38,27 @@ def check_way_to_look(*, web: bool, picture: Path | None) -> None:
 
 
 def show_recording(
-    recording: Path, *, timeline: str, web: bool, port: int, picture: Path | None, step: int = 0
+    recording: Path,
+    told: dict[str, object],
+    *,
+    timeline: str,
+    web: bool,
+    port: int,
+    picture: Path | None,
+    step: int = 0,
+    as_json: bool,
 ) -> None:
     """Show a recording until its window is closed, or until Ctrl-C.
+
+    Args:
+        recording: The file.
+        told: What there is to say of it with ``--json``.
+        timeline: On which ``step`` counts.
+        web: Whether a page is served, at ``port`` or any free one.
+        port: Of the page.
+        picture: Where it is drawn instead; None to show it.
+        step: Of the picture.
+        as_json: Whether a JSON value is printed instead of text.
 
     Raises:
         ViewerError: The viewer did not start.
@@ -50,17 +68,18 @@ def show_recording(
         from handsight.viz.recordings.screenshot import save_screenshots
 
         save_screenshots(recording, {step: picture}, timeline=timeline)
-        console.print(bold(picture), f": the viewer at {step}")
+        if as_json:
+            print_json({**told, "picture": picture})
+        else:
+            console.print(bold(picture), f": the viewer at {step}")
         return
     from handsight.viz.browser.viewer import native_viewer, web_viewer
 
     address = str(recording.resolve())
-    if web:
-        with web_viewer(address, port=port) as viewer, suppress(KeyboardInterrupt):
-            console.print("open ", bold(viewer.page), "; Ctrl-C ends it")
-            viewer.process.wait()
-        return
-    with native_viewer(address) as viewer:
-        console.print(f"the viewer shows {recording}; close its window or press Ctrl-C to end")
+    with web_viewer(address, port=port) if web else native_viewer(address) as viewer:
+        if as_json:
+            print_json({**told, "page": viewer.page, "viewer_port": viewer.port})
+        else:
+            console.print("open ", bold(viewer.page or "the viewer's window"), "; close it or press Ctrl-C to end")
         with suppress(KeyboardInterrupt):
             viewer.process.wait()

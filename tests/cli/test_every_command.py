@@ -19,12 +19,15 @@ from handsight.datasets.curation.curator import Curator
 from handsight.datasets.curation.saved_filters import save_filter
 
 READS = "clearance|dataset decisions|dataset diff|dataset doctor|dataset info|dataset log|dataset verify|objects ls"
-DRAWS = "collect picture|dataset ls|dataset show|dataset stats|dataset suspect|heatmap|prediction|servo|view dataset"
+DRAWS = "collect picture|dataset ls|dataset show|dataset stats|dataset suspect|heatmap|prediction|servo"
 ADDS = "ablate plot|collect sim|dataset export|dataset init|dataset materialize|dataset release|evaluate"
 UNTRIED = {
     **dict.fromkeys(READS.split("|"), "changes nothing"),
     **dict.fromkeys(("ablate status", "dataset similar", "runs compare", "runs ls", "runs show"), "changes nothing"),
-    **dict.fromkeys(DRAWS.split("|"), "changes nothing but a picture or recording, which the same call makes again"),
+    **dict.fromkeys(
+        (*DRAWS.split("|"), "view dataset", "view heatmap", "view trace"),
+        "changes nothing but a picture or recording, which the same call makes again",
+    ),
     **dict.fromkeys(("report", "view ablation"), "changes nothing but a page, which the same call makes again"),
     **dict.fromkeys(ADDS.split("|"), "adds something where nothing was, or behind what is there"),
     "review": "every decision is made by a key, and taken back by another",
@@ -96,6 +99,8 @@ LONG = {
     "tune",
     "view ablation",
     "view dataset",
+    "view heatmap",
+    "view trace",
 }
 """Their JSON is read by tests of their own."""
 
@@ -151,6 +156,12 @@ REFUSED = (
     "view ablation {nowhere}",
     "view ablation {data}",
     "view dataset {nowhere}",
+    "view heatmap {data} --model {nowhere}",
+    "view heatmap {nowhere} --model {run}",
+    "view trace {nowhere} --picture {new}.png",
+    "view trace {file} --picture {new}.png",
+    "servo --model {run} --live-url nonsense",
+    "heatmap {data} 1 --wrong --model {run}",
     "view dataset {data} --picture {nowhere}/x.png",
     "objects import {nowhere} --name x",
     "prediction --model {nowhere}",

@@ -49,6 +49,8 @@ NOTHING = {
     "servo": "--model {nowhere}",
     "train": "{nowhere} --out {nowhere}",
     "tune": "{nowhere} --out {nowhere}",
+    "view heatmap": "{nowhere} --model {nowhere}",
+    "view trace": "{nowhere}",
 }
 """What else has to be said, so that a sound number is refused as well; ``{nowhere}`` for any other command."""
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 LEFT_MARGIN: Final = 0.035
 """Share of the width for the names of the rows."""
-RIGHT_PX: Final = 62
+RIGHT_PX: Final = 78
 """For the scales of the colours."""
 SCALE_PX: Final = 10
 TITLE_PX: Final = 34

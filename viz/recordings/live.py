@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import ctypes
 import socket
+import sys
 import threading
 from collections import deque
 from collections.abc import Callable
@@ -35,6 +36,8 @@ ANSWER_S: Final = 3.0
 """After so long without an answer a viewer counts as gone."""
 CLOSE_S: Final = 5.0
 """So long the end of the trials waits for what is still to be shown."""
+SWITCH_S: Final = 0.0005
+"""So long the thread keeps Python to itself at most: servoing asks for it back after every call of PyTorch."""
 STEP_MM, TURN_DEG, TIME_MS, SLOPE = 110.0, 55.0, 550.0, 0.5
 """Ranges of plots, which have to be chosen before anything is known."""
 _HTTP2_SETTINGS: Final = b"\x04"
@@ -162,6 +165,8 @@ class LiveTrace:
         """Begin to stream to the viewer at ``url``."""
         self._trial = 0
         self._warn = warn
+        self._switch_s = sys.getswitchinterval()
+        sys.setswitchinterval(min(SWITCH_S, self._switch_s))
         self._events = _Waiting(WAITING)
         self._gone = threading.Event()
         self._thread = threading.Thread(
@@ -212,6 +217,7 @@ class LiveTrace:
         """Wait a little for what is still to be shown, and leave the rest."""
         self._put(None)
         self._thread.join(timeout=CLOSE_S)
+        sys.setswitchinterval(self._switch_s)
 
     def _put(self, event: _Event | None, *, droppable: bool = False) -> None:
         if not self._gone.is_set():

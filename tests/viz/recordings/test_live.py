@@ -87,10 +87,13 @@ def deaf_listener() -> Iterator[int]:
 
 def test_nobody_who_listens_is_said_once_and_nothing_waits(trial: TrialRecording) -> None:
     warnings: list[str] = []
+    switch_s = sys.getswitchinterval()
     watcher = LiveTrace(f"rerun+http://127.0.0.1:{free_port()}/proxy", warn=warnings.append)
+    assert sys.getswitchinterval() <= live.SWITCH_S
     for _ in range(3):
         watch(watcher, trial)
     watcher.close()
+    assert sys.getswitchinterval() == switch_s
     assert watcher.gone
     (warning,) = warnings
     assert warning.startswith("the viewer stopped answering, servoing goes on without it (")

@@ -18,6 +18,7 @@ from tests.support.rrd import colours, read_picture
 from handsight.evaluation.trial import TrialRecording
 from handsight.viz.errors import NoVulkanError, ScreenshotError
 from handsight.viz.examples import HeatmapExample
+from handsight.viz.recordings.heatmap_layouts import HEAT_TIMELINE
 from handsight.viz.recordings.heatmaps import write_heatmaps
 from handsight.viz.recordings.screenshot import patiently, save_screenshots
 
@@ -42,16 +43,49 @@ def test_a_servo_trace_draws_at_its_first_and_last_step(
         # Scene, pictures and plots each lie in a part of their own: none of them may be blank.
         upper, lower = picture[: int(0.62 * height)], picture[int(0.68 * height) :]
         assert colours(upper[:, : width // 3]) > 500
-        assert colours(upper[:, int(0.4 * width) : int(0.7 * width)]) > 2000
-        assert colours(upper[:, int(0.78 * width) :]) > 500
-        assert colours(lower) > 100
+        assert colours(upper[:, int(0.36 * width) : int(0.66 * width)]) > 2000
+        assert colours(upper[: height // 3, int(0.68 * width) : int(0.82 * width)]) > 100
+        assert colours(upper[: height // 3, int(0.85 * width) :]) > 500
+        for start in (0.0, 0.22, 0.41, 0.56):
+            assert colours(lower[:, int(start * width) : int((start + 0.13) * width)]) > 30
+        assert colours(lower[:, int(0.71 * width) :]) > 100
     assert np.abs(first_picture.astype(int) - last_picture).mean() > 1
 
 
-def test_heatmaps_draw(examples: list[HeatmapExample], tmp_path: Path) -> None:
-    write_heatmaps(tmp_path / "heatmaps.rrd", examples)
-    (picture,) = shoot(tmp_path / "heatmaps.rrd", {1: tmp_path / "shot.png"}, "example")
-    assert colours(picture) > 3000
+PARTS = {
+    "at this angle": (slice(0.07, 0.50), slice(0.01, 0.31)),
+    "over all angles": (slice(0.07, 0.50), slice(0.34, 0.64)),
+    "the angle of the best": (slice(0.07, 0.50), slice(0.68, 0.98)),
+    "over depth": (slice(0.60, 0.92), slice(0.03, 0.27)),
+    "on the table": (slice(0.60, 0.95), slice(0.32, 0.58)),
+    "the attempted grasp": (slice(0.58, 0.74), slice(0.62, 0.78)),
+    "the text": (slice(0.80, 0.96), slice(0.60, 0.85)),
+}
+"""Rows and columns of each view of an example, as shares of the window."""
+
+
+def part(picture: NDArray[Any], name: str) -> NDArray[Any]:
+    rows, columns = (
+        slice(int(share.start * side), int(share.stop * side))
+        for share, side in zip(PARTS[name], picture.shape[:2], strict=True)
+    )
+    return picture[rows, columns]
+
+
+def test_heatmaps_draw_every_view_at_every_angle_and_follow_the_slider(
+    examples: list[HeatmapExample], tmp_path: Path
+) -> None:
+    write_heatmaps(tmp_path / "heatmaps.rrd", examples[1:])
+    shots = {0: tmp_path / "straight.png", 150: tmp_path / "turned.png"}
+    straight, turned = shoot(tmp_path / "heatmaps.rrd", shots, HEAT_TIMELINE)
+    for picture in (straight, turned):
+        for name in PARTS:
+            assert colours(part(picture, name)) > (30 if name == "the text" else 500), name
+    moved = {name: np.abs(part(straight, name).astype(int) - part(turned, name)).mean() for name in PARTS}
+    for name in ("at this angle", "over depth", "on the table"):
+        assert moved[name] > 0.2, name
+    for name in ("over all angles", "the angle of the best", "the attempted grasp", "the text"):
+        assert moved[name] < 0.05, name
 
 
 def test_without_a_driver_the_package_to_install_is_named(
