@@ -88,7 +88,7 @@ def test_a_journal_of_other_weights_is_refused(model: Path, tmp_path: Path, caps
 def scripted(monkeypatch: pytest.MonkeyPatch, **changes: Any) -> None:
     """Every trial ends as is said, and none is performed."""
 
-    def ended(factory: Any, settings: Any, *, known: Any, on_trial: Any) -> list[Trial]:
+    def ended(factory: Any, settings: Any, *, known: Any, engine: Any, on_trial: Any) -> list[Trial]:
         plain = Trial(
             number=0, method="", success=False, failure="", moves=0, compute_s=0.01, truth_held=False, score=0.5
         )

@@ -1,10 +1,8 @@
-"""``handsight report`` and ``view ablation`` as their user meets them: one page that holds everything."""
+"""``handsight report`` as its user meets it: one page that holds everything."""
 
 from __future__ import annotations
 
 import json
-import shutil
-import webbrowser
 from pathlib import Path
 
 import pytest
@@ -14,14 +12,10 @@ from tests.support.html_page import HtmlPage
 from tests.support.reports import MARKUP, make_demo, make_evaluation
 from tests.support.rrd import colours, read_picture
 from tests.support.runs import save_untrained
-from tests.support.swept import Threads, make_swept, swept_plan
 
 from handsight.cli.app import run
 from handsight.datasets import GraspDataset, GraspRepository, Outcome, Selection
 from handsight.datasets.curation.curator import Curator
-from handsight.training.sweep.folder import SweepFolder
-from handsight.training.sweep.prepare import settle
-from handsight.training.sweep.run import run_sweep
 
 
 @pytest.fixture(scope="module")
@@ -35,15 +29,6 @@ def page(demo: Path) -> Path:
     out = demo.parent / "report.html"
     assert run(["report", str(demo), "--out", str(out)]) == 0
     return out
-
-
-@pytest.fixture(scope="module")
-def sweep(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("sweep")
-    plan = swept_plan(make_swept(folder / "data"), trials=2, sizes=(12,))
-    settle(folder / "figure7", plan)
-    run_sweep(plan, SweepFolder(folder / "figure7"), workers=1, engine=Threads())
-    return folder / "figure7"
 
 
 def said_of(path: Path) -> str:
@@ -129,34 +114,6 @@ def test_a_run_is_told_with_its_curve_and_limits(tmp_path: Path) -> None:
         assert said in text, said
 
 
-def test_a_sweep_is_told_and_opened(
-    sweep: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    opened: list[str] = []
-
-    def note(address: str) -> bool:
-        opened.append(address)
-        return True
-
-    monkeypatch.setattr(webbrowser, "open", note)
-    assert run(["view", "ablation", str(sweep)]) == 0
-    assert opened == [(sweep / "report.html").as_uri()]
-    text = said_of(sweep / "report.html")
-    for said in (
-        "rgb less depth",
-        "Means over trials",
-        "4 done",
-        f"handsight ablate plot {sweep}",
-        "handsight ablate run",
-    ):
-        assert said in text, said
-    capsys.readouterr()
-    assert run(["view", "ablation", str(sweep), "--no-open", "--out", str(tmp_path / "x.html"), "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told == {"report": str(tmp_path / "x.html"), "bytes": (tmp_path / "x.html").stat().st_size, "opened": False}
-    assert len(opened) == 1
-
-
 def test_failed_trials_are_not_simulated_where_that_is_not_asked_for(demo: Path, tmp_path: Path) -> None:
     assert run(["report", str(demo), "--replays", "0", "--out", str(tmp_path / "x.html")]) == 0
     assert "simulated again" not in said_of(tmp_path / "x.html")
@@ -201,15 +158,3 @@ def test_what_cannot_be_told_is_refused_in_one_line(
     (line,) = captured.err.splitlines()
     assert said in line
     assert not (tmp_path / "out.html").exists()
-
-
-def test_a_sweep_of_which_nothing_is_done_is_refused(
-    sweep: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    shutil.copytree(sweep, tmp_path / "new")
-    shutil.rmtree(tmp_path / "new" / "cells")
-    (tmp_path / "new" / "cells").mkdir()
-    assert run(["view", "ablation", str(tmp_path / "new"), "--no-open"]) == 2
-    assert "no cell is done" in capsys.readouterr().err
-    assert run(["view", "ablation", str(tmp_path)]) == 2
-    assert "holds no sweep" in capsys.readouterr().err

@@ -21,24 +21,31 @@ class HtmlPage(HTMLParser):
         self.words: list[str] = []
         self.misnested: list[str] = []
         self._open: list[str] = []
+        self._text_of: dict[str, str] = {}
+        self._inside: list[str] = []
         self.feed(text)
         self.close()
         self.misnested += [f"<{tag}> is never closed" for tag in self._open]
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.elements.append((tag, {name: value or "" for name, value in attrs}))
+        found = {name: value or "" for name, value in attrs}
+        self.elements.append((tag, found))
         if tag not in VOID:
             self._open.append(tag)
+            self._inside.append(found.get("id", ""))
 
     def handle_endtag(self, tag: str) -> None:
         if not self._open or self._open[-1] != tag:
             self.misnested.append(f"</{tag}> ends {self._open[-1:]}")
         elif self._open:
             self._open.pop()
+            self._inside.pop()
 
     def handle_data(self, data: str) -> None:
         if not {"style", "script"} & set(self._open):
             self.words.append(data)
+        for name in filter(None, self._inside):
+            self._text_of[name] = self._text_of.get(name, "") + data
 
     def all(self, tag: str) -> list[dict[str, str]]:
         """Attributes of every element of a kind."""
@@ -91,10 +98,14 @@ class HtmlPage(HTMLParser):
             for tag, found in self.elements
             if found.get("role") == "region" and not {"aria-label", "aria-labelledby"} & set(found)
         ]
+        names = Counter(found["aria-labelledby"] for found in self.all("section") if "aria-labelledby" in found)
+        words = Counter(self._text_of[name].strip() for name in names)
+        alike = [f"{count} sections are called {name!r}" for name, count in words.items() if count > 1]
         language = [] if self.all("html")[0].get("lang") else ["the page has no language"]
         return [
             *(f"<{tag}> is not there once" for tag in lacking),
             *(f"a region <{tag}> has no name" for tag in unlabelled),
+            *alike,
             *language,
         ]
 

@@ -52,7 +52,7 @@ def ablation_figure(rows: Sequence[SweepRow], objects: Sequence[ObjectRow], path
         _draw_curves(accuracy, rows, "accuracy")
         _draw_curves(auc, rows, "auc")
         handles, labels = accuracy.get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside upper left", ncols=3, frameon=False, fontsize=9)
+        figure.legend(handles, labels, loc="outside upper left", ncols=3, frameon=False, fontsize=9, handlelength=3.2)
         _draw_objects(by_object, shown, names, list(dict.fromkeys(row.series for row in rows)))
         return save_figure(figure, path)
 

@@ -17,6 +17,7 @@ from handsight.evaluation.results import wilson_95
 from handsight.training.lineage import runs_trained_on
 from handsight.viz.errors import ReportError
 from handsight.viz.figures.dataset import stats_figure
+from handsight.viz.figures.rate_panels import numbered
 from handsight.viz.report.content import Block, Facts, Figure, Note, Section, Table, shown_rows
 from handsight.viz.report.embedding import embedded_svg
 from handsight.viz.report.gallery import failed_attempts
@@ -102,7 +103,7 @@ def _labels(dataset: GraspDataset, stats: LabelStats, name: str) -> Section:
         picture=embedded_svg(lambda path: stats_figure(stats, path, title=title)),
         alt=(
             f"Panels of success rates of {title} by object, place on the table, grasp angle, final opening, contact "
-            f"force and time. Overall {percent(rate)} of {counted(stats.labelled, 'labelled attempt')} succeed. "
+            f"force and time. Overall {percent(rate)} of {numbered(stats.labelled, 'labelled attempt')} succeed. "
             "The numbers of the panels by object and session are in the tables below."
         ),
         caption="How grasps succeed by object, place, angle, opening and force, and along the sessions.",
@@ -110,8 +111,8 @@ def _labels(dataset: GraspDataset, stats: LabelStats, name: str) -> Section:
     )
     balance = Note(
         text=(
-            f"{count(stats.successes)} of {counted(stats.labelled, 'labelled attempt')} succeed, {percent(rate)} (95 % "
-            f"Wilson interval {interval((low, high))}). Left out: {count(stats.unlabelled)} without a label and "
+            f"{count(stats.successes)} of {numbered(stats.labelled, 'labelled attempt')} succeed, {percent(rate)} "
+            f"(95 % Wilson interval {interval((low, high))}). Left out: {count(stats.unlabelled)} without a label and "
             f"{count(stats.excluded)} excluded."
         )
     )

@@ -39,12 +39,8 @@ def make_report(text: str = "a name") -> Report:
         dataclasses.replace(gallery, title=""),
     )
     # Two sections on two levels each, with parts of their own.
-    sections = tuple(
-        Section(
-            title=text, blocks=blocks, parts=(Section(title=text, blocks=blocks), Section(title=text, blocks=blocks))
-        )
-        for _ in range(2)
-    )
+    parts = [Section(title=text, blocks=blocks) for _ in range(4)]
+    sections = tuple(Section(title=f"{text} {at}", blocks=blocks, parts=tuple(parts[at : at + 2])) for at in (0, 2))
     return Report(title=text, summary=text, command=text, handsight="0", sections=sections)
 
 
