@@ -59,7 +59,8 @@ def test_labels_stand_beside_scores_and_what_has_none_is_left_out(dataset: Grasp
     seen = foresights(dataset, ids, raw, softer)
     assert [one.attempt for one in seen] == [key for number, key in enumerate(ids) if number % 4 != 2]
     assert [one.held for one in seen] == [number % 4 == 0 for number in range(12) if number % 4 != 2]
-    np.testing.assert_allclose([one.score for one in seen], softer(np.float32([one.raw for one in seen])))
+    expected = softer(np.array([one.raw for one in seen], np.float32))
+    np.testing.assert_allclose(np.array([one.score for one in seen]), expected, rtol=1e-6)
 
 
 def test_the_most_wrong_come_first() -> None:

@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
 from handsight.evaluation.temperature import LEAST, Temperature, fit_temperature
 from handsight.servoing.errors import ScoreError
 
 
-def sigmoid(logits: np.ndarray) -> np.ndarray:
-    return (1 / (1 + np.exp(-logits))).astype(np.float32)
+def sigmoid(logits: NDArray[np.float64]) -> NDArray[np.float32]:
+    return np.asarray(1 / (1 + np.exp(-logits)), dtype=np.float32)
 
 
 @pytest.mark.parametrize("truth", [0.6, 1.0, 2.5, 6.0])

@@ -16,6 +16,7 @@ from handsight.servoing.errors import ServoSettingsError
 from handsight.servoing.homography import predict_inputs
 from handsight.servoing.objective import Objective
 from handsight.servoing.prepared_view import PreparedView
+from handsight.servoing.scorer import GraspScorer
 from handsight.servoing.view import View
 from handsight.training.gqn import GqnConfig
 from handsight.training.scorer import Scorer
@@ -37,7 +38,9 @@ def view() -> View:
     return View(rgb=rgb, depth_m=depth_m, camera=CAMERA)
 
 
-def crop_by_crop(view: View, scorer: Scorer, maps_shape: tuple[int, ...], every: int, angle_rad: float) -> np.ndarray:
+def crop_by_crop(
+    view: View, scorer: GraspScorer, maps_shape: tuple[int, ...], every: int, angle_rad: float
+) -> np.ndarray:
     objective = Objective(view, scorer)
     steps = objective.sweep(0.0, every=every).steps.reshape(-1, 3).clone()
     steps[:, 2] = angle_rad

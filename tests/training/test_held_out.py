@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 import torch
 from tests.support.drawn import SMALL
@@ -58,7 +59,7 @@ def test_the_network_is_as_good_on_them_as_its_record_says(
     recorded = train(dataset, out, selection=selection)
     (part,) = held_out_attempts(recorded, beside=dataset)
     data = materialize(dataset, grid=InputGrid(size_px=16))
-    rows = torch.from_numpy(data.attempts.index.get_indexer(list(part.attempts)).astype(np.int64))
+    rows = torch.from_numpy(data.attempts.index.get_indexer(pd.Index(part.attempts)).astype(np.int64))
     found = evaluate_scores(predict(load_run(out).network, data.inputs, rows), data.labels[rows.numpy()])
     assert found.loss == pytest.approx(recorded["history"][0]["held_out"]["loss"], rel=1e-5)
     assert found.attempts == recorded["history"][0]["held_out"]["attempts"]

@@ -7,6 +7,7 @@ import math
 import cv2
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from handsight.servoing.heatmap import Heatmap
 from handsight.viz import palette
@@ -23,8 +24,9 @@ OBJECTS = {
 }
 
 
-def lab(rgb: tuple[int, ...]) -> np.ndarray:
-    return cv2.cvtColor(np.array([[rgb]], np.float32) / 255, cv2.COLOR_RGB2LAB)[0, 0]
+def lab(rgb: tuple[int, ...]) -> NDArray[np.float32]:
+    pixel = np.array([[rgb]], np.float32) / 255
+    return np.asarray(cv2.cvtColor(pixel, cv2.COLOR_RGB2LAB)[0, 0], dtype=np.float32)
 
 
 @pytest.mark.parametrize("name", OBJECTS)
