@@ -66,11 +66,13 @@ class Controller:
         self.watchdog_hz = 0.0
         self.clock_factor = 1.0
         self._fed_s = 0.0
+        self._collision_seen = False
         self._speed_rad_s = np.zeros(6)
         self._acceleration_rad_s2 = 0.0
         self._tool_speed = np.zeros(6)
         self._pose = tcp_pose(self.target_rad, self.tcp_offset)
         self._heat_c = np.zeros(6)
+        self._last_rad = self.target_rad
 
     # What clients do.
 
@@ -141,12 +143,10 @@ class Controller:
     def _measure(self) -> None:
         joints_rad = self.world.joints_rad
         before, before_pose = self._speed_rad_s, self._pose
-        self._last_rad = getattr(self, "_last_rad", joints_rad)
         self._speed_rad_s = (joints_rad - self._last_rad) / self.period_s
         self._acceleration_rad_s2 = float(np.abs(self._speed_rad_s - before).max()) / self.period_s
         self._last_rad = joints_rad
-        moved = self._speed_rad_s.any() or before_pose is None
-        if moved:
+        if self._speed_rad_s.any():
             self._pose = tcp_pose(joints_rad, self.tcp_offset)
             self._tool_speed[:3] = (self._pose[:3, 3] - before_pose[:3, 3]) / self.period_s
         else:
@@ -163,7 +163,11 @@ class Controller:
     def _guard(self) -> None:
         if not self.machine.may_move:
             return
-        if float(np.linalg.norm(self.sensor.contact_n)) > COLLISION_N:
+        pressing_n = float(np.linalg.norm(self.sensor.contact_n))
+        # After a stop the arm may leave what it ran into, however hard it still presses on it.
+        self._collision_seen = self._collision_seen and pressing_n > 0.8 * COLLISION_N
+        if pressing_n > COLLISION_N and not self._collision_seen:
+            self._collision_seen = True
             self.protective_stop("C153: a collision was detected at the tool")
         elif float(np.abs(self.world.joints_rad - self.target_rad).max()) > TRACKING_LIMIT_RAD:
             self.protective_stop("C157: the position deviates from the path")
