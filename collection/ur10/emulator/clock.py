@@ -38,7 +38,11 @@ class Clock:
         return min(self.factor, 1.0) if attentive else self.factor
 
     async def run(
-        self, tick: Callable[[float], None], period_s: float, attentive: Callable[[], bool], on_factor: Callable[[float], None]
+        self,
+        tick: Callable[[float], None],
+        period_s: float,
+        attentive: Callable[[], bool],
+        on_factor: Callable[[float], None],
     ) -> None:
         """Run for ever; ``tick`` is given the wall's time."""
         last_s = time.perf_counter()

@@ -61,7 +61,9 @@ class Controller:
         self.doubles_out = [0.0] * REGISTERS
         self.program: Program | None = None
         self.motion: Motion | None = None
-        self.target_rad = world.joints_rad.copy()
+        self.target_rad: NDArray[np.float64] = world.joints_rad.copy()
+        self.lowest_tip_z_m = float(tcp_pose(self.target_rad, FLANGE_TO_TIP)[2, 3])
+        """Lowest that the fingertips have ever been."""
         self.overheated_joint: int | None = None
         self.watchdog_hz = 0.0
         self.clock_factor = 1.0
@@ -148,6 +150,7 @@ class Controller:
         self._last_rad = joints_rad
         if self._speed_rad_s.any():
             self._pose = tcp_pose(joints_rad, self.tcp_offset)
+            self.lowest_tip_z_m = min(self.lowest_tip_z_m, self.tip_z_m)
             self._tool_speed[:3] = (self._pose[:3, 3] - before_pose[:3, 3]) / self.period_s
         else:
             self._tool_speed[:] = 0.0
@@ -184,6 +187,12 @@ class Controller:
     def tip_z_m(self) -> float:
         """Height of the fingertips above the table, whatever TCP is set [m]."""
         return float(tcp_pose(self.world.joints_rad, FLANGE_TO_TIP)[2, 3])
+
+    @property
+    def tool_speed_m_s(self) -> tuple[float, float, float]:
+        """Measured speed of the TCP along the base's axes [m/s]."""
+        x, y, z = (float(value) for value in self._tool_speed[:3])
+        return x, y, z
 
     @property
     def steady(self) -> bool:

@@ -56,8 +56,9 @@ class Dashboard:
             "close safety popup": self._close_popup,
             "close popup": lambda: "closing popup",
             "restart safety": self._restart_safety,
-            "clear operational mode": lambda: "No longer controlling the operational mode. Current operational mode: "
-            "'AUTOMATIC'.",
+            "clear operational mode": lambda: (
+                "No longer controlling the operational mode. Current operational mode: 'AUTOMATIC'."
+            ),
             "get operational mode": lambda: "NONE",
         }
 

@@ -24,6 +24,7 @@ STALLED_S = 0.04
 EMPTY_COUNT = 227
 """From here on nothing is between the pads."""
 ARRIVED_COUNTS = 1.5
+MAJOR_FAULT = 8
 READABLE = ("ACT", "GTO", "ATR", "ARD", "FOR", "SPE", "POS", "PRE", "OBJ", "STA", "FLT", "COU", "SID")
 WRITABLE = ("ACT", "GTO", "ATR", "ARD", "FOR", "SPE", "POS")
 
@@ -59,6 +60,26 @@ class Gripper:
     def closing(self) -> bool:
         """Whether the jaws are on their way together."""
         return self._direction > 0 and self._object == 0
+
+    @property
+    def moving(self) -> bool:
+        """Whether the jaws are under way."""
+        return self._direction != 0 and self._object == 0
+
+    @property
+    def closed(self) -> bool:
+        """Whether the jaws were last sent together, and got there or were stopped."""
+        return self._direction > 0 and self._object != 0
+
+    def fail(self, code: int) -> None:
+        """Report a fault, and from 8 on, the major ones, move no more until it is activated anew."""
+        self.fault = code
+        if code >= MAJOR_FAULT:
+            self._world.drive_jaws(0.0)
+
+    def speak(self) -> None:
+        """Answer again."""
+        self.silent = False
 
     @property
     def _status(self) -> int:
@@ -98,7 +119,7 @@ class Gripper:
                 self._object = 3 if here <= ARRIVED_COUNTS else 1
 
     def _move(self) -> None:
-        if not (self._values["ACT"] and self._values["GTO"]) or self._status != 3 or self.fault:
+        if not (self._values["ACT"] and self._values["GTO"]) or self._status != 3 or self.fault >= MAJOR_FAULT:
             return
         here = self.count
         if abs(self._target - here) < ARRIVED_COUNTS:
@@ -135,16 +156,16 @@ class Gripper:
 
     def get(self, name: str) -> int:
         """Read one variable."""
-        special = {
-            "POS": lambda: self.count,
-            "PRE": lambda: self._target,
-            "OBJ": lambda: self._object if self._status == 3 else 0,
-            "STA": lambda: self._status,
-            "FLT": lambda: self.fault,
-            "COU": lambda: 40 if self._object == 0 else 3,
-            "SID": lambda: 9,
+        measured = {
+            "POS": self.count,
+            "PRE": self._target,
+            "OBJ": self._object if self._status == 3 else 0,
+            "STA": self._status,
+            "FLT": self.fault,
+            "COU": 40 if self._object == 0 else 3,
+            "SID": 9,
         }
-        return special[name]() if name in special else self._values[name]
+        return measured[name] if name in measured else self._values[name]
 
     async def _connected(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         while line := await reader.readline():

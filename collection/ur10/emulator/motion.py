@@ -146,9 +146,7 @@ def line_path(
         knot = start @ matrix_of((0.0, 0.0, 0.0, *(share * turn_rad)))
         knot[:3, 3] = start[:3, 3] + share * offset_m
         joints_rad.append(joints_of(knot, tcp_offset, joints_rad[-1]))
-    return Path(
-        shares * length, np.stack(joints_rad), speed=speed, acceleration=acceleration, tcp_offset=tcp_offset
-    )
+    return Path(shares * length, np.stack(joints_rad), speed=speed, acceleration=acceleration, tcp_offset=tcp_offset)
 
 
 class Velocity:

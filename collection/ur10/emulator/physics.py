@@ -65,6 +65,9 @@ class PhysicalWorld:
         self._owed_s = self._still_s = self._since_sleep_s = 0.0
         self._slippery: list[tuple[int, float]] = []
         self._slip_left_s = 0.0
+        self._measured_rad: NDArray[np.float64] = self.arm.joints_rad
+        self._measured_rad_s = np.zeros(6)
+        self._jaw_speed_m_s = 0.0
         self._read()
 
     def _make_scene(self) -> None:
@@ -166,7 +169,6 @@ class PhysicalWorld:
     def _read(self) -> None:
         hand = self.arm.hand
         self._measured_rad = self._joints_rad = self.arm.joints_rad
-        self._measured_rad_s = np.zeros(6)
         self._contact_n = hand.contact_n
         self._width_m = hand.width_m
         self._jaw_speed_m_s = 2 * hand.finger_speed_m_s

@@ -37,7 +37,7 @@ def inverse(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def tcp_pose(joints_rad: NDArray[np.float64], tcp_offset: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Pose of the tool centre point in the base frame, (4, 4), with the TCP at ``tcp_offset``, (4, 4), of the flange."""
+    """Pose of the tool centre point in the base frame, which is at ``tcp_offset`` of the flange; both (4, 4)."""
     pose: NDArray[np.float64] = flange_pose(joints_rad) @ tcp_offset
     return pose
 

@@ -78,12 +78,14 @@ class Program:
             if command == STOP_SCRIPT:
                 self._robot.stop_program()
                 return
-            self._command = self._begin(command)
-            self._resume()
+            self._start(command)
 
     def _resume(self) -> None:
         try:
-            next(self._command)  # type: ignore[arg-type]  # Asked for before.
+            if self._command is not None:
+                next(self._command)
+                return
+            self._out(0, DONE)
         except StopIteration:
             self._command = None
             self._out(0, DONE)
@@ -91,17 +93,26 @@ class Program:
             self._command = None
             self._robot.protective_stop(str(error))
 
+    def _start(self, command: int) -> None:
+        try:
+            self._command = self._begin(command)
+        except UnreachableError as error:
+            self._robot.protective_stop(str(error))
+        else:
+            self._resume()
+
     def _run_at_once(self, command: int) -> None:
         try:
-            for _ in self._begin(command):
-                pass
+            self._begin(command)
         except UnreachableError as error:
             self._robot.protective_stop(str(error))
 
-    def _begin(self, command: int) -> Steps:
-        empty = not self._robot.generation.force_sensor and command in EMPTY_ON_CB3
-        handler = None if empty else _COMMANDS.get(command)
-        return handler(self) if handler else _nothing()
+    def _begin(self, command: int) -> Steps | None:
+        """Start a command; what takes time is returned, what does not is done."""
+        if not self._robot.generation.force_sensor and command in EMPTY_ON_CB3:
+            return None
+        handler = _COMMANDS.get(command)
+        return handler(self) if handler is not None else None
 
     # Registers.
 
@@ -220,39 +231,33 @@ class Program:
         else:
             yield from self._brake(deceleration, joints=not self._stop_type_line)
 
-    def _speed(self, *, joints: bool) -> Steps:
+    def _speed(self, *, joints: bool) -> None:
         motion = self._robot.motion
         if not isinstance(motion, Velocity):
             motion = Velocity(self._robot.target_rad, self._robot.tcp_offset, joints=joints)
             self._robot.motion = motion
         motion.aim(self._six(), self._double(6))
-        return
-        yield
 
-    def speed_j(self) -> Steps:
+    def speed_j(self) -> None:
         """9."""
-        return self._speed(joints=True)
+        self._speed(joints=True)
 
-    def speed_l(self) -> Steps:
+    def speed_l(self) -> None:
         """10: goes on until it is stopped, whatever time it was given."""
-        return self._speed(joints=False)
+        self._speed(joints=False)
 
     def _servo(self, goal_rad: NDArray[np.float64]) -> None:
         if not isinstance(self._robot.motion, Servo):
             self._robot.motion = Servo(self._robot.target_rad)
         self._robot.motion.aim(goal_rad)
 
-    def servo_j(self) -> Steps:
+    def servo_j(self) -> None:
         """11."""
         self._servo(self._six())
-        return
-        yield
 
-    def servo_l(self) -> Steps:
+    def servo_l(self) -> None:
         """24."""
         self._servo(self._inverse(self._six()))
-        return
-        yield
 
     def speed_stop(self) -> Steps:
         """15 and 16."""
@@ -270,140 +275,96 @@ class Program:
             if float(np.linalg.norm(np.array(robot.sensor.wrench[:3]) - before_n)) > CONTACT_N:
                 seen_rad = robot.world.joints_rad.copy()
                 yield from self._brake(BACKWARD_DECELERATION, joints=False)
-                back = joint_path(
-                    robot.target_rad, seen_rad, speed=0.5, acceleration=1.0, tcp_offset=robot.tcp_offset
-                )
+                back = joint_path(robot.target_rad, seen_rad, speed=0.5, acceleration=1.0, tcp_offset=robot.tcp_offset)
                 yield from self._until_finished(back)
                 return
             yield
 
     # Settings and questions.
 
-    def zero_force(self) -> Steps:
+    def zero_force(self) -> None:
         """8."""
         self._robot.sensor.zero()
-        return
-        yield
 
-    def set_payload(self) -> Steps:
+    def set_payload(self) -> None:
         """17 and 65."""
         self._robot.payload_kg = self._double(0)
         cog_m = tuple(self._double(index) for index in (1, 2, 3))
         if any(cog_m):
             self._robot.payload_cog_m = cog_m
-        return
-        yield
 
-    def set_tcp(self) -> Steps:
+    def set_tcp(self) -> None:
         """29."""
         self._robot.set_tcp(self._six())
-        return
-        yield
 
-    def stop_protectively(self) -> Steps:
+    def stop_protectively(self) -> None:
         """31."""
         self._robot.protective_stop("protective_stop() was called by the program")
-        return
-        yield
 
-    def set_watchdog(self) -> Steps:
+    def set_watchdog(self) -> None:
         """35: the program stops when the command register is written less often."""
         self._robot.feed()
         self._robot.watchdog_hz = self._double(0)
-        return
-        yield
 
-    def pose_in_limits(self) -> Steps:
+    def pose_in_limits(self) -> None:
         """36."""
         try:
             inside = self._robot.within_limits(self._inverse(self._six()))
         except UnreachableError:
             inside = False
         self._out(1, int(inside))
-        return
-        yield
 
-    def joints_in_limits(self) -> Steps:
+    def joints_in_limits(self) -> None:
         """37."""
         self._out(1, int(self._robot.within_limits(self._six())))
-        return
-        yield
 
-    def pose_trans(self) -> Steps:
+    def pose_trans(self) -> None:
         """39."""
         self._out_six(vector_of(matrix_of(self._six()) @ matrix_of(self._six(6))))
-        return
-        yield
 
-    def tcp_offset(self) -> Steps:
+    def tcp_offset(self) -> None:
         """40."""
         self._out_six(vector_of(self._robot.tcp_offset))
-        return
-        yield
 
-    def forward_default(self) -> Steps:
+    def forward_default(self) -> None:
         """43, and 28, the target's pose."""
         self._out_six(vector_of(tcp_pose(self._robot.target_rad, self._robot.tcp_offset)))
-        return
-        yield
 
-    def forward(self) -> Steps:
+    def forward(self) -> None:
         """44."""
         self._out_six(vector_of(tcp_pose(self._six(), matrix_of(self._six(6)))))
-        return
-        yield
 
-    def inverse(self) -> Steps:
+    def inverse(self) -> None:
         """46."""
         self._out_six(self._inverse(self._six()))
-        return
-        yield
 
-    def inverse_near(self) -> Steps:
+    def inverse_near(self) -> None:
         """30."""
         self._out_six(joints_of(matrix_of(self._six()), self._robot.tcp_offset, self._six(6)))
-        return
-        yield
 
-    def has_inverse(self) -> Steps:
+    def has_inverse(self) -> None:
         """60 and 61."""
         try:
             self._inverse(self._six())
             self._out(1, 1)
         except UnreachableError:
             self._out(1, 0)
-        return
-        yield
 
-    def is_steady(self) -> Steps:
+    def is_steady(self) -> None:
         """47."""
         self._out(1, int(self._robot.steady))
-        return
-        yield
 
-    def step_time(self) -> Steps:
+    def step_time(self) -> None:
         """26."""
         self._robot.doubles_out[self._offset] = self._robot.period_s
-        return
-        yield
 
-    def flange(self) -> Steps:
+    def flange(self) -> None:
         """58."""
         self._out_six(vector_of(flange_pose(self._robot.world.joints_rad)))
-        return
-        yield
 
-    def joints_now(self) -> Steps:
+    def joints_now(self) -> None:
         """27: the history is one entry long."""
         self._out_six(self._robot.world.joints_rad)
-        return
-        yield
-
-
-def _nothing() -> Steps:
-    """What is done at once."""
-    return
-    yield
 
 
 def _register_offset(script: str) -> int:
@@ -412,7 +373,7 @@ def _register_offset(script: str) -> int:
     return int(found[1]) if found else 0
 
 
-_COMMANDS: dict[int, Callable[[Program], Steps]] = {
+_COMMANDS: dict[int, Callable[[Program], Steps | None]] = {
     1: Program.move_j,
     2: Program.move_j_ik,
     3: Program.move_l,

@@ -17,7 +17,9 @@ _DOUBLE = (
     "tcp_force_scalar payload collision_detection_ratio wrench_calc_from_currents"
 )
 _VECTOR3D = "actual_tool_accelerometer elbow_position elbow_velocity payload_cog"
-_UINT32 = "robot_status_bits safety_status_bits analog_io_types runtime_state tool_analog_input_types script_control_line"
+_UINT32 = (
+    "robot_status_bits safety_status_bits analog_io_types runtime_state tool_analog_input_types script_control_line"
+)
 _INT32 = "robot_mode safety_mode safety_status tool_output_voltage"
 _UINT64 = "actual_digital_input_bits actual_digital_output_bits"
 
