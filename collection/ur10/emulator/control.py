@@ -78,6 +78,7 @@ class Control:
             "runtime": machine.runtime.name,
             "remote": machine.remote,
             "popup": machine.popup,
+            "protective_stops": rig.robot.events,
             "tcp_pose": [float(value) for value in rig.robot.pose],
             "tip_z_m": rig.robot.tip_z_m,
             "lowest_tip_z_m": rig.robot.lowest_tip_z_m,

@@ -59,6 +59,8 @@ class Controller:
         self.doubles_in = [0.0] * REGISTERS
         self.ints_out = [0] * REGISTERS
         self.doubles_out = [0.0] * REGISTERS
+        self.events: list[tuple[float, str]] = []
+        """Protective stops so far: when by the robot's clock, and why."""
         self.program: Program | None = None
         self.motion: Motion | None = None
         self.target_rad: NDArray[np.float64] = world.joints_rad.copy()
@@ -103,6 +105,7 @@ class Controller:
 
     def protective_stop(self, cause: str) -> None:
         """Stop, for a reason that the popup tells."""
+        self.events.append((self.clock_s, cause))
         self.machine.protective_stop(self.clock_s, cause)
         self.stop_program()
 
