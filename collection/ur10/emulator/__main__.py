@@ -1,0 +1,215 @@
+"""``python -m handsight.collection.ur10.emulator``: an emulated rig in a process of its own.
+
+It prints one line of JSON once everything listens, and ends on SIGTERM, on SIGINT, or with the process that started
+it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import ctypes
+import json
+import os
+import signal
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from handsight.collection.depth_noise import DepthNoise
+from handsight.collection.errors import CollectionError
+from handsight.collection.sim.config import D435_ON_GRIPPER, SimConfig
+from handsight.collection.station import Workspace
+from handsight.collection.ur10.emulator.camera import PORT as CAMERA_PORT
+from handsight.collection.ur10.emulator.camera import CameraSettings, MountedCamera
+from handsight.collection.ur10.emulator.control import Control
+from handsight.collection.ur10.emulator.errors import EmulatorError
+from handsight.collection.ur10.emulator.faults import Fault
+from handsight.collection.ur10.emulator.generation import E_SERIES, GENERATIONS
+from handsight.collection.ur10.emulator.physics import PhysicalWorld
+from handsight.collection.ur10.emulator.rig import EmulatedRig, RigSettings, serve_until
+from handsight.collection.ur10.emulator.world import BareWorld, World
+
+_PR_SET_PDEATHSIG = 1
+BAD_INPUT = 2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Launch:
+    """Everything that a rig is started with."""
+
+    rig: RigSettings
+    world: SimConfig | None = None
+    """Objects and their physics; None for bare protocols."""
+    control_port: int | None = None
+    faults: tuple[Fault, ...] = ()
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run until told to end."""
+    _end_with_parent()
+    try:
+        return run(launch_of(_parser().parse_args(arguments)))
+    except CollectionError as error:
+        sys.stderr.write(f"{error}\n")
+        return BAD_INPUT
+
+
+def run(launch: Launch) -> int:
+    """Serve a rig until this process is told to end; returns its exit status.
+
+    Raises:
+        CollectionError: The world cannot be made.
+    """
+    world: World = BareWorld() if launch.world is None else PhysicalWorld(launch.world, launch.rig.seed)
+    return asyncio.run(_serve(launch, world))
+
+
+async def _serve(launch: Launch, world: World) -> int:
+    stopped = asyncio.Event()
+    rig = EmulatedRig(launch.rig, world)
+    control = None
+    try:
+        await rig.open()
+        if launch.control_port is not None:
+            control = Control(rig, launch.rig.robot, launch.control_port, stopped.set)
+            await control.network.open()
+    except OSError as error:
+        sys.stderr.write(f"the emulated rig cannot listen: {error}; is another one running on its addresses?\n")
+        return BAD_INPUT
+    for fault in launch.faults:
+        rig.faults.arm(fault)
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        loop.add_signal_handler(number, stopped.set)
+    sys.stdout.write(json.dumps(_ready(launch)) + "\n")
+    sys.stdout.flush()
+    try:
+        await serve_until(rig, stopped)
+    finally:
+        if control is not None:
+            control.network.close()
+    return 0
+
+
+def _ready(launch: Launch) -> dict[str, object]:
+    camera = launch.rig.camera
+    return {
+        "ready": True,
+        "pid": os.getpid(),
+        "robot": launch.rig.robot,
+        "generation": launch.rig.generation.name,
+        "camera": None if camera is None else f"{camera.address}:{camera.port}",
+        "control": launch.control_port,
+        "objects": None if launch.world is None else launch.world.objects,
+    }
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="python -m handsight.collection.ur10.emulator", description=__doc__)
+    parser.add_argument("--robot", default="127.0.0.2", help="loopback address of controller and gripper")
+    parser.add_argument("--generation", choices=sorted(GENERATIONS), default=E_SERIES.name)
+    parser.add_argument("--camera", metavar="ADDRESS[:PORT]", help="loopback address of the camera")
+    parser.add_argument("--control", type=int, metavar="PORT", help="port of the robot's address for faults")
+    parser.add_argument("--objects", metavar="SET", help="object set; without one there is nothing but protocols")
+    parser.add_argument("--objects-per-scene", type=int, default=5)
+    parser.add_argument("--gripper", default="2f-85")
+    parser.add_argument("--workspace", metavar="X0,X1,Y0,Y1", help="where objects are dropped [m]")
+    parser.add_argument("--mount", metavar="X,Y,Z,RX,RY,RZ", help="camera in the tool frame [m, rad]")
+    parser.add_argument("--depth-noise", type=float, default=0.0, metavar="PX", help="of the disparity; 0 for none")
+    parser.add_argument("--payload", type=float, default=1.3, metavar="KG", help="what really hangs on the flange")
+    parser.add_argument("--speed", type=float, default=1.0, help="robot time per wall time, at most")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--fault", action="append", default=[], help="NAME[:KEY=VALUE,...][@WHEN]")
+    return parser
+
+
+def launch_of(options: argparse.Namespace) -> Launch:
+    """What the options say.
+
+    Raises:
+        CollectionError: They make no sense; all faults are named at once.
+    """
+    wrong: list[str] = []
+    faults = []
+    for text in options.fault:
+        try:
+            faults.append(Fault.parse(text))
+        except EmulatorError as error:
+            wrong.append(str(error))
+    area = _numbers("--workspace", options.workspace, 4, wrong)
+    mount = _numbers("--mount", options.mount, 6, wrong)
+    if options.camera is not None and options.objects is None:
+        wrong.append("--camera is given without --objects, expected a world that it sees")
+    if not 0.01 <= options.speed <= 1000:
+        wrong.append(f"--speed is {options.speed}, expected 0.01 to 1000")
+    if wrong:
+        raise EmulatorError("; ".join(wrong))
+    rig = RigSettings(
+        robot=options.robot,
+        generation=GENERATIONS[options.generation],
+        speed=options.speed,
+        seed=options.seed,
+        true_payload_kg=options.payload,
+        camera=_camera(options, mount),
+    )
+    return Launch(rig=rig, world=_world(options, area), control_port=options.control, faults=tuple(faults))
+
+
+def _numbers(name: str, text: str | None, count: int, wrong: list[str]) -> tuple[float, ...] | None:
+    if text is None:
+        return None
+    try:
+        values = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        values = ()
+    if len(values) != count:
+        wrong.append(f"{name} is {text!r}, expected {count} numbers with commas between them")
+        return None
+    return values
+
+
+def _world(options: argparse.Namespace, area: tuple[float, ...] | None) -> SimConfig | None:
+    if options.objects is None:
+        return None
+    workspace = SimConfig().workspace
+    if area is not None:
+        workspace = Workspace(x_min_m=area[0], x_max_m=area[1], y_min_m=area[2], y_max_m=area[3])
+    return SimConfig(
+        objects=options.objects,
+        objects_per_scene=options.objects_per_scene,
+        gripper=options.gripper,
+        workspace=workspace,
+    )
+
+
+def _camera(options: argparse.Namespace, mount: tuple[float, ...] | None) -> CameraSettings | None:
+    if options.camera is None:
+        return None
+    address, _, port = options.camera.partition(":")
+    camera = D435_ON_GRIPPER
+    if mount is not None:
+        camera = MountedCamera(
+            intrinsics=camera.intrinsics,
+            x_tool_camera_m=mount[0],
+            y_tool_camera_m=mount[1],
+            z_tool_camera_m=mount[2],
+            turn_rad=(mount[3], mount[4], mount[5]),
+        )
+    noise = None
+    if options.depth_noise > 0:
+        noise = DepthNoise(subpixel_px=options.depth_noise, seed=options.seed)
+    return CameraSettings(address=address, port=int(port) if port else CAMERA_PORT, mount=camera, depth_noise=noise)
+
+
+def _end_with_parent() -> None:
+    """Have the kernel end this process when the one that started it is gone, even killed."""
+    parent = os.getppid()
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+        if os.getppid() != parent:
+            raise SystemExit(0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,104 @@
+"""One emulated rig: its devices, what they act on, and the loop that moves time on."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import dataclass
+
+import numpy as np
+
+from handsight.collection.ur10.emulator.camera import Camera, CameraSettings
+from handsight.collection.ur10.emulator.clock import TOUCHING_N, Clock
+from handsight.collection.ur10.emulator.controller import Controller
+from handsight.collection.ur10.emulator.dashboard import Dashboard
+from handsight.collection.ur10.emulator.faults import Faults
+from handsight.collection.ur10.emulator.generation import Generation
+from handsight.collection.ur10.emulator.gripper import Gripper
+from handsight.collection.ur10.emulator.network import Network
+from handsight.collection.ur10.emulator.physics import PhysicalWorld
+from handsight.collection.ur10.emulator.rtde import RtdeServer
+from handsight.collection.ur10.emulator.script_port import ScriptPort
+from handsight.collection.ur10.emulator.world import World
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RigSettings:
+    """What a rig is made of."""
+
+    robot: str
+    """Loopback address of the controller, 127.0.0.N."""
+    generation: Generation
+    speed: float = 1.0
+    """How many times faster than the wall's the robot's clock may run."""
+    seed: int = 0
+    true_payload_kg: float = 1.3
+    camera: CameraSettings | None = None
+    """The camera, where there is one; it needs a world with objects."""
+
+
+class EmulatedRig:
+    """Controller and gripper on one address, the camera on another."""
+
+    def __init__(self, settings: RigSettings, world: World) -> None:
+        """Everything is at rest and nothing listens yet."""
+        self.settings = settings
+        self.world = world
+        self.network = Network(settings.robot)
+        self.robot: Controller = Controller(
+            settings.generation, world, seed=settings.seed, true_payload_kg=settings.true_payload_kg
+        )
+        self.dashboard = Dashboard(self.robot, self.network)
+        self.rtde = RtdeServer(self.robot, self.network)
+        self.scripts = ScriptPort(self.robot, self.network)
+        self.gripper = Gripper(self.robot, world, self.network)
+        self.clock = Clock(settings.speed)
+        self.camera: Camera | None = None
+        if settings.camera is not None and isinstance(world, PhysicalWorld):
+            self.camera = Camera(settings.camera, world, self.robot, seed=settings.seed)
+        self.faults = Faults(self)
+
+    async def open(self) -> None:
+        """Listen.
+
+        Raises:
+            OSError: An address or port cannot be had.
+        """
+        await self.network.open()
+        if self.camera is not None:
+            await self.camera.network.open()
+
+    async def run(self) -> None:
+        """Let time pass, for ever."""
+        await self.clock.run(self._tick, self.robot.period_s, self._attentive, self._take_factor)
+
+    def _tick(self, now_s: float) -> None:
+        self.faults.tick()
+        self.robot.tick()
+        self.gripper.tick(self.robot.period_s)
+        self.rtde.stream(now_s)
+
+    def _attentive(self) -> bool:
+        if not self.robot.interruptible:
+            return False
+        return float(np.abs(self.world.contact_n).max()) > TOUCHING_N
+
+    def _take_factor(self, factor: float) -> None:
+        self.robot.clock_factor = max(factor, 1.0)
+
+    def close(self) -> None:
+        """Stop listening."""
+        self.network.close()
+        if self.camera is not None:
+            self.camera.network.close()
+
+
+async def serve_until(rig: EmulatedRig, stopped: asyncio.Event) -> None:
+    """Run a rig that listens until it is told to stop."""
+    running = asyncio.create_task(rig.run())
+    stopping = asyncio.create_task(stopped.wait())
+    done, _ = await asyncio.wait((running, stopping), return_when=asyncio.FIRST_COMPLETED)
+    stopping.cancel()
+    running.cancel()
+    rig.close()
+    if running in done:
+        running.result()  # Raises what ended it.
