@@ -39,6 +39,7 @@ class RunningRig:
 
     robot: str
     camera: str
+    generation: str
     process: subprocess.Popen[str]
 
     def do(self, action: str, **values: Any) -> dict[str, Any]:
@@ -79,7 +80,6 @@ def running_rig(*options: str, camera: bool = False) -> Iterator[RunningRig]:
             assert process.stdout is not None
             ready = process.stdout.readline()
             assert ready, f"the emulator ended with status {process.wait(START_LIMIT_S)}"
-            assert json.loads(ready)["ready"]
-            yield RunningRig(robot, eye, process)
+            yield RunningRig(robot, eye, json.loads(ready)["generation"], process)
         finally:
             process.kill()
