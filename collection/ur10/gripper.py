@@ -22,6 +22,9 @@ class GripResult:
 class Gripper(Protocol):
     """A parallel gripper."""
 
+    closed_count: int
+    """Raw reading with the jaws closed on nothing; set it to what was measured."""
+
     @property
     def serial(self) -> str:
         """What tells it from another of its model, as far as it says."""

@@ -66,7 +66,7 @@ class Modbus:
             number, protocol, length, _ = _HEADER.unpack(self._bytes(_HEADER.size))
             answer = self._bytes(length - 1)
         except OSError as error:
-            raise DeviceLostError(f"{self._where}: {error or type(error).__name__}") from error
+            raise DeviceLostError(f"{self._where}: {str(error) or type(error).__name__}") from error
         if (number, protocol) != (self._number, 0) or len(answer) < 2:
             raise DeviceLostError(f"{self._where}: an answer to another request")
         if answer[0] == request[0] | EXCEPTION_BIT:

@@ -25,7 +25,7 @@ M_PER_UNIT = 1e-4
 
 
 class Rg2:
-    """A :class:`~.gripper.Gripper` of OnRobot's. Its raw readings are tenths of a millimetre, so a small one is closed."""
+    """A :class:`~.gripper.Gripper` of OnRobot's. Its raw readings are tenths of a millimetre: a small one is closed."""
 
     def __init__(self, config: GripperConfig) -> None:
         """Nothing is connected yet."""

@@ -61,8 +61,8 @@ class Robotiq:
         result = self._move(self.config.open_count)
         if result.raw["POS"] > self.config.open_count + OPEN_SLACK_COUNTS:
             raise DeviceError(
-                f"gripper: opened to {result.raw['POS']} counts only, expected {self.config.open_count}: something keeps "
-                "the jaws from opening"
+                f"gripper: opened to {result.raw['POS']} counts only, expected {self.config.open_count}: "
+                "something keeps the jaws from opening"
             )
         return result
 
@@ -172,7 +172,7 @@ class Robotiq:
             return self._answer()
         except OSError as error:
             self.disconnect()
-            raise DeviceLostError(f"gripper: {line}: {error or type(error).__name__}") from error
+            raise DeviceLostError(f"gripper: {line}: {str(error) or type(error).__name__}") from error
 
     def _answer(self) -> str:
         """One answer: a line, or the three bytes of an acknowledgement, or a question mark."""
