@@ -311,7 +311,9 @@ class EmulatedSource:
             try:
                 frame = self._cable.frame(left_s)
             except (OSError, ValueError, KeyError) as error:
-                raise DeviceLostError(f"no frame within {timeout_s:g} s: {str(error) or type(error).__name__}") from error
+                raise DeviceLostError(
+                    f"no frame within {timeout_s:g} s: {str(error) or type(error).__name__}"
+                ) from error
             # A set is complete once the next one begins: the same picture is fed until it comes out.
             for _ in range(4):
                 self._feed(frame)
@@ -371,11 +373,11 @@ def _described(intrinsics: Any, scale_m: float, said: Any) -> CameraDescription:
         firmware=said("firmware_version"),
         width=int(intrinsics.width),
         height=int(intrinsics.height),
-        fx=float(intrinsics.fx),
-        fy=float(intrinsics.fy),
-        cx=float(intrinsics.ppx),
-        cy=float(intrinsics.ppy),
-        # Kept as a float of 32 bits there: 0.001 comes back as 0.0010000000475.
+        # Kept as floats of 32 bits there: 0.001 comes back as 0.0010000000475.
+        fx=round(float(intrinsics.fx), 5),
+        fy=round(float(intrinsics.fy), 5),
+        cx=round(float(intrinsics.ppx), 5),
+        cy=round(float(intrinsics.ppy), 5),
         depth_scale_m=round(scale_m, 9),
     )
 
