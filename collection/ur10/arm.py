@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from handsight.collection.errors import PoseRefusedError
 from handsight.collection.ur10.arm_client import ArmState, OpenArm, Touch
 from handsight.collection.ur10.child import SupervisedChild
-from handsight.collection.ur10.poses import check_pose, matrix_of, vector_of
+from handsight.collection.ur10.poses import MOST_TILT_RAD, check_pose, matrix_of, vector_of
 from handsight.collection.ur10.rig import RigConfig
 
 OPEN_S = 20.0
@@ -57,6 +58,7 @@ class Arm:
         *,
         speed_m_s: float | None = None,
         acceleration_m_s2: float | None = None,
+        most_tilt_rad: float = MOST_TILT_RAD,
     ) -> NDArray[np.float64]:
         """Go to a pose over the table in a straight line; returns the pose measured there, shape (4, 4).
 
@@ -68,7 +70,7 @@ class Arm:
         """
         motion = self.rig.motion
         speed_m_s = min(speed_m_s or motion.speed_m_s, motion.speed_m_s)
-        target = self._checked(pose_base_tool)
+        target = self._checked(pose_base_tool, most_tilt_rad)
         here = matrix_of(list(self.state().tcp_pose))
         for waypoint in (*_midway(here, target), target):
             state = self.child.ask(
@@ -78,6 +80,29 @@ class Arm:
                 acceleration_m_s2 or motion.acceleration_m_s2,
                 timeout_s=self._patience_s(here, waypoint, speed_m_s),
             )
+        return self.pose_of(state)
+
+    def lift_straight(self, height_m: float, *, speed_m_s: float) -> NDArray[np.float64]:
+        """Raise the tool straight up to a height over the table, from wherever it is; returns the pose there, (4, 4).
+
+        Nothing is done where it is that high already. The only move that may begin and end beside the workspace.
+
+        Raises:
+            PoseRefusedError: The height is above the workspace.
+            DeviceError: The move did not end there.
+        """
+        area = self.rig.workspace
+        state = self.state()
+        pose = self.pose_of(state)
+        if pose[2, 3] >= height_m:
+            return pose
+        if not height_m <= area.overhead_height_m + area.margin_m:
+            raise PoseRefusedError(f"height is {height_m} m, expected at most {area.overhead_height_m + area.margin_m}")
+        vector = list(state.tcp_pose)
+        vector[2] = height_m + self.table_height_m
+        timeout_s = MOVE_S + 4.0 * (height_m - float(pose[2, 3])) / speed_m_s
+        speed_m_s = min(speed_m_s, self.rig.motion.speed_m_s)
+        state = self.child.ask("move_line", vector, speed_m_s, self.rig.motion.acceleration_m_s2, timeout_s=timeout_s)
         return self.pose_of(state)
 
     def descend(self, pose_base_tool: NDArray[np.float64]) -> Touch:
@@ -116,11 +141,13 @@ class Arm:
         """End the child; a move that is under way ends at its target."""
         self.child.close()
 
-    def _checked(self, pose_base_tool: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _checked(
+        self, pose_base_tool: NDArray[np.float64], most_tilt_rad: float = MOST_TILT_RAD
+    ) -> NDArray[np.float64]:
         pose = np.array(pose_base_tool, dtype=np.float64)
         if pose.shape == (4, 4):
             pose[2, 3] += self.table_height_m
-        check_pose(self.rig, self.table_height_m, pose)
+        check_pose(self.rig, self.table_height_m, pose, most_tilt_rad=most_tilt_rad)
         return pose
 
     @staticmethod

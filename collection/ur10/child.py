@@ -7,6 +7,7 @@ another. Answers carry the number of their request, so that a late one is never 
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import multiprocessing
 import os
@@ -120,10 +121,8 @@ class SupervisedChild:
     def close(self, *, timeout_s: float = 3.0) -> None:
         """Have the child close its device and end; kill it where it does not."""
         if self.alive:
-            try:
+            with contextlib.suppress(DeviceError):
                 self._ask("close", (), timeout_s)
-            except DeviceError:
-                pass
         self.kill()
 
     def _ask(self, method: str, arguments: tuple[Any, ...], timeout_s: float) -> Any:

@@ -29,13 +29,20 @@ def matrix_of(vector: list[float]) -> NDArray[np.float64]:
     return matrix
 
 
-def check_pose(rig: RigConfig, table_height_m: float, pose_base_tool: NDArray[np.float64]) -> None:
+def check_pose(
+    rig: RigConfig,
+    table_height_m: float,
+    pose_base_tool: NDArray[np.float64],
+    *,
+    most_tilt_rad: float = MOST_TILT_RAD,
+) -> None:
     """Refuse a pose that the arm is never sent to: ill-formed, outside the workspace, tilted, or turned too far.
 
     Args:
         rig: The limits.
         table_height_m: Height of the table top in the base frame.
         pose_base_tool: In the controller's base frame.
+        most_tilt_rad: How far the tool may be from pointing straight down.
 
     Raises:
         PoseRefusedError: Every fault is named.
@@ -57,8 +64,11 @@ def check_pose(rig: RigConfig, table_height_m: float, pose_base_tool: NDArray[np
         if not low - SLACK_M <= value <= high + SLACK_M
     ]
     tilt_rad = math.acos(max(-1.0, min(1.0, -pose[2, 2])))
-    if tilt_rad > MOST_TILT_RAD:
-        faults.append(f"the tool is tilted by {math.degrees(tilt_rad):.1f} degrees, expected at most 3")
+    if tilt_rad > most_tilt_rad:
+        faults.append(
+            f"the tool is tilted by {math.degrees(tilt_rad):.1f} degrees, expected at most "
+            f"{math.degrees(most_tilt_rad):.0f}"
+        )
     yaw_deg = math.degrees(math.atan2(pose[1, 0], pose[0, 0]))
     if not area.yaw_min_deg - 0.5 <= yaw_deg <= area.yaw_max_deg + 0.5:
         faults.append(f"yaw is {yaw_deg:.1f} degrees, expected {area.yaw_min_deg:g} to {area.yaw_max_deg:g}")

@@ -61,6 +61,8 @@ class CameraConfig:
     least_valid: float = 0.3
     """Share of the depth picture that must be valid before holes are filled."""
     timeout_s: float = 5.0
+    mount_m: tuple[float, float, float] = (0.0, -0.055, -0.10)
+    """About where the camera sits in the tool frame: views of the calibration board are planned by it."""
     power_cycle: tuple[str, ...] = ()
     """Command that switches the camera's USB port off and on, as words; empty where there is none."""
 
@@ -180,6 +182,17 @@ class RecoveryConfig:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class BoardConfig:
+    """The ChArUco board of the camera calibration, flat on the table in the middle of the workspace."""
+
+    columns: int = 7
+    rows: int = 5
+    square_m: float = 0.03
+    marker_m: float = 0.022
+    dictionary: str = "DICT_4X4_50"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class AlarmConfig:
     """Who is told, outside this machine."""
 
@@ -202,14 +215,16 @@ class RigConfig:
     guards: GuardConfig = field(default_factory=GuardConfig)
     recovery: RecoveryConfig = field(default_factory=RecoveryConfig)
     alarm: AlarmConfig = field(default_factory=AlarmConfig)
+    board: BoardConfig = field(default_factory=BoardConfig)
     calibration: Path = Path("calibration.json")
     heartbeat: Path = Path("heartbeat.json")
     operator_log: Path = Path("operator_log.jsonl")
+    readings: Path = Path("readings.jsonl")
     """Files, relative ones beside rig.toml."""
 
     def to_json(self) -> dict[str, Any]:
         """The rig as JSON values, without the files of this machine."""
         values = asdict(self)
-        for name in ("calibration", "heartbeat", "operator_log", "alarm"):
+        for name in ("calibration", "heartbeat", "operator_log", "readings", "alarm"):
             del values[name]
         return values

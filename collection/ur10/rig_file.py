@@ -82,6 +82,10 @@ _RANGES: dict[str, tuple[float, float]] = {
     "recovery.unlock_wait_s": (5.0, 60.0),
     "recovery.retreat_m": (0.0, 0.5),
     "recovery.retreat_speed_m_s": (0.005, 0.1),
+    "board.columns": (3, 50),
+    "board.rows": (3, 50),
+    "board.square_m": (0.005, 0.2),
+    "board.marker_m": (0.003, 0.2),
     "alarm.timeout_s": (0.5, 120.0),
 }
 
