@@ -17,7 +17,6 @@ fast one, never too high.
 from __future__ import annotations
 
 import asyncio
-import math
 import time
 from collections.abc import Callable
 
@@ -39,12 +38,21 @@ class Clock:
 
     async def run(
         self,
-        tick: Callable[[float], None],
+        step: Callable[[], None],
+        show: Callable[[float], None],
         period_s: float,
         attentive: Callable[[], bool],
         on_factor: Callable[[float], None],
     ) -> None:
-        """Run for ever; ``tick`` is given the wall's time."""
+        """Run for ever.
+
+        Args:
+            step: Called for every control period.
+            show: Called after one or several of them, with the wall's time.
+            period_s: Of robot time.
+            attentive: Whether time must not run fast now.
+            on_factor: Told the factor.
+        """
         last_s = time.perf_counter()
         owed_s = 0.0
         while True:
@@ -53,10 +61,11 @@ class Clock:
             on_factor(factor)
             owed_s = min(owed_s + (now_s - last_s) * factor, LONGEST_CATCH_UP_S * max(factor, 1.0))
             last_s = now_s
-            while owed_s >= period_s:
-                owed_s -= period_s
-                tick(time.perf_counter())
-                if factor > 1.0 and attentive():
-                    owed_s = 0.0  # Contact: what follows is shown in real time.
-            wait_s = (period_s - owed_s) / max(factor, 1e-3)
-            await asyncio.sleep(max(wait_s, SHORTEST_SLEEP_S) if math.isfinite(wait_s) else SHORTEST_SLEEP_S)
+            if owed_s >= period_s:
+                while owed_s >= period_s:
+                    owed_s -= period_s
+                    step()
+                    if factor > 1.0 and attentive():
+                        owed_s = 0.0  # Contact: what follows is shown in real time.
+                show(time.perf_counter())
+            await asyncio.sleep(max((period_s - owed_s) / factor, SHORTEST_SLEEP_S))

@@ -72,9 +72,10 @@ class Controller:
         self._fed_s = 0.0
         self._collision_seen = False
         self._speed_rad_s = np.zeros(6)
-        self._acceleration_rad_s2 = 0.0
+        self._observed_s = 0.0
         self._tool_speed = np.zeros(6)
         self._pose = tcp_pose(self.target_rad, self.tcp_offset)
+        self._pose_vector = vector_of(self._pose)
         self._heat_c = np.zeros(6)
         self._last_rad = self.target_rad
 
@@ -119,7 +120,7 @@ class Controller:
         if self.machine.may_move and self.program is not None and self.machine.runtime is Runtime.PLAYING:
             self.program.tick()
         self._move()
-        self._measure()
+        self.sensor.feel(self.period_s, self.world.contact_n)
         self._guard()
 
     def _check_watchdog(self) -> None:
@@ -145,31 +146,33 @@ class Controller:
             self.protective_stop("C158: a joint is at its limit")
         self.world.advance(self.period_s, self.target_rad)
 
-    def _measure(self) -> None:
+    def observe(self) -> None:
+        """Take the readings that clients are sent; once for several periods where time runs fast."""
+        seconds = self.clock_s - self._observed_s
+        if seconds <= 0:
+            return
+        self._observed_s = self.clock_s
         joints_rad = self.world.joints_rad
-        before, before_pose = self._speed_rad_s, self._pose
-        self._speed_rad_s = (joints_rad - self._last_rad) / self.period_s
-        self._acceleration_rad_s2 = float(np.abs(self._speed_rad_s - before).max()) / self.period_s
+        before_rad_s = self._speed_rad_s
+        self._speed_rad_s = (joints_rad - self._last_rad) / seconds
         self._last_rad = joints_rad
+        acceleration_rad_s2 = float(np.abs(self._speed_rad_s - before_rad_s).max()) / seconds
+        self._heat_c += seconds * (0.02 * np.abs(self._speed_rad_s) - 0.001 * self._heat_c)
+        self._tool_speed = np.zeros(6)
         if self._speed_rad_s.any():
+            before_m = self._pose[:3, 3]
             self._pose = tcp_pose(joints_rad, self.tcp_offset)
+            self._pose_vector = vector_of(self._pose)
+            self._tool_speed[:3] = (self._pose[:3, 3] - before_m) / seconds
             self.lowest_tip_z_m = min(self.lowest_tip_z_m, self.tip_z_m)
-            self._tool_speed[:3] = (self._pose[:3, 3] - before_pose[:3, 3]) / self.period_s
-        else:
-            self._tool_speed[:] = 0.0
-        self._heat_c += self.period_s * (0.02 * np.abs(self._speed_rad_s) - 0.001 * self._heat_c)
-        self.sensor.measure(
-            self.period_s,
-            contact_n=self.world.contact_n,
-            joints_rad=joints_rad,
-            acceleration_rad_s2=self._acceleration_rad_s2,
-            payload_kg=self.payload_kg,
+        self.sensor.read(
+            seconds, joints_rad=joints_rad, acceleration_rad_s2=acceleration_rad_s2, payload_kg=self.payload_kg
         )
 
     def _guard(self) -> None:
         if not self.machine.may_move:
             return
-        pressing_n = float(np.linalg.norm(self.sensor.contact_n))
+        pressing_n = self.sensor.pressing_n
         # After a stop the arm may leave what it ran into, however hard it still presses on it.
         self._collision_seen = self._collision_seen and pressing_n > 0.8 * COLLISION_N
         if pressing_n > COLLISION_N and not self._collision_seen:
@@ -184,7 +187,7 @@ class Controller:
     @property
     def pose(self) -> NDArray[np.float64]:
         """Measured pose of the TCP, x y z rx ry rz. Shape (6,)."""
-        return vector_of(tcp_pose(self.world.joints_rad, self.tcp_offset))
+        return self._pose_vector
 
     @property
     def tip_z_m(self) -> float:
@@ -216,6 +219,7 @@ class Controller:
         """Where the TCP is in the flange's frame, x y z rx ry rz."""
         self.tcp_offset = matrix_of(pose)
         self._pose = tcp_pose(self.world.joints_rad, self.tcp_offset)
+        self._pose_vector = vector_of(self._pose)
 
     def read(self, name: str) -> Any:
         """The value of an output variable."""

@@ -18,6 +18,7 @@ from handsight.collection.ur10.emulator.generation import Generation
 GRAVITY_M_S2 = 9.81
 FILTER_S = 0.01
 """Time constant of the filter."""
+NEGLIGIBLE_N = 1e-6
 ACCELERATION_ERROR_N = 1.0
 """Error of an estimate from currents for each rad/s2 of the joint that accelerates most."""
 MOST_ACCELERATION_ERROR_N = 25.0
@@ -37,6 +38,7 @@ class ForceSensor:
         self._raw_n = np.zeros(3)
         self.contact_n = np.zeros(3)
         """Force of the contacts, filtered and without any error: what the safety system stops on."""
+        self._touching = False
         self.wrench: list[float] = [0.0] * 6
         self.extra_noise_n = 0.0
         """Fault: additional noise."""
@@ -44,17 +46,24 @@ class ForceSensor:
         """Fault: the vertical reading walks away."""
         self._drifted_n = 0.0
 
-    def measure(
-        self,
-        seconds: float,
-        *,
-        contact_n: NDArray[np.float64],
-        joints_rad: NDArray[np.float64],
-        acceleration_rad_s2: float,
-        payload_kg: float,
+    @property
+    def pressing_n(self) -> float:
+        """Size of the filtered force [N]."""
+        return math.sqrt(float(self.contact_n @ self.contact_n)) if self._touching else 0.0
+
+    def feel(self, seconds: float, contact_n: NDArray[np.float64]) -> None:
+        """Filter what presses on the arm, for one period."""
+        touches = bool(contact_n.any())
+        if touches or self._touching:
+            self.contact_n = self.contact_n + min(seconds / FILTER_S, 1.0) * (contact_n - self.contact_n)
+            self._touching = touches or float(np.abs(self.contact_n).max()) > NEGLIGIBLE_N
+            if not self._touching:
+                self.contact_n = np.zeros(3)
+
+    def read(
+        self, seconds: float, *, joints_rad: NDArray[np.float64], acceleration_rad_s2: float, payload_kg: float
     ) -> None:
-        """Take the reading of one period."""
-        self.contact_n = self.contact_n + min(seconds / FILTER_S, 1.0) * (contact_n - self.contact_n)
+        """Take a reading, so long after the last one."""
         error_n = self._constant_n
         if not self._generation.force_sensor:
             error_n = self._generation.force_bias_n * np.sin(self._waves @ joints_rad)

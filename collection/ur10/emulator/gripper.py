@@ -123,10 +123,13 @@ class Gripper:
         if not (self._values["ACT"] and self._values["GTO"]) or self._status != 3 or self.fault >= MAJOR_FAULT:
             return
         here = self.count
-        if abs(self._target - here) < ARRIVED_COUNTS:
+        at_end = not 0 < self._target < CLOSED_COUNT
+        if abs(self._target - here) < ARRIVED_COUNTS and not at_end:
             self._object = 3
             return
-        self._direction = 1 if self._target > here else -1
+        # To its ends it is driven even from there: wide open jaws may still press on what they held.
+        opens = self._target < here or self._target <= 0
+        self._direction = -1 if opens else 1
         self._object, self._stalled_s = 0, 0.0
         share = self._values["SPE"] / 255
         speed_m_s = SLOWEST_M_S + share * (FASTEST_M_S - SLOWEST_M_S)

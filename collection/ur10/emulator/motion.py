@@ -6,6 +6,7 @@ Paths run with trapezoidal speed and brake along themselves, so that a stopped l
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
 from typing import Protocol
 
 import numpy as np
@@ -53,7 +54,7 @@ class Path:
         tcp_offset: NDArray[np.float64],
     ) -> None:
         """Start at the first knot; ``shares`` (K,) are path coordinates from 0 up, ``joints_rad`` is (K, 6)."""
-        self._at_knots = shares
+        self._knots: list[float] = shares.tolist()
         self._joints_rad = joints_rad
         self._tcp_offset = tcp_offset
         self._speed = max(speed, 1e-6)
@@ -99,7 +100,12 @@ class Path:
         self.finished = self.finished or self._now <= 0
 
     def _joints_at(self, at: float) -> NDArray[np.float64]:
-        return np.array([np.interp(at, self._at_knots, column) for column in self._joints_rad.T])
+        if at >= self._length or len(self._knots) < 2:
+            return np.asarray(self._joints_rad[-1])
+        index = max(bisect_right(self._knots, at) - 1, 0)
+        share = (at - self._knots[index]) / (self._knots[index + 1] - self._knots[index])
+        joints_rad: NDArray[np.float64] = (1 - share) * self._joints_rad[index] + share * self._joints_rad[index + 1]
+        return joints_rad
 
 
 def joint_path(

@@ -69,14 +69,23 @@ class EmulatedRig:
 
     async def run(self) -> None:
         """Let time pass, for ever."""
-        await self.clock.run(self.tick, self.robot.period_s, self._attentive, self._take_factor)
+        await self.clock.run(self.step, self.show, self.robot.period_s, self._attentive, self._take_factor)
 
-    def tick(self, now_s: float) -> None:
-        """One control period of everything, at this time of the wall's clock."""
-        self.faults.tick()
+    def step(self) -> None:
+        """One control period of everything."""
         self.robot.tick()
         self.gripper.tick(self.robot.period_s)
+
+    def show(self, now_s: float) -> None:
+        """Take readings, let faults happen and tell clients, at this time of the wall's clock."""
+        self.robot.observe()
+        self.faults.tick()
         self.rtde.stream(now_s)
+
+    def tick(self, now_s: float) -> None:
+        """One control period, and the readings of it."""
+        self.step()
+        self.show(now_s)
 
     def _attentive(self) -> bool:
         if not self.robot.interruptible:
