@@ -27,6 +27,7 @@ UNTRIED = {
     **dict.fromkeys(DRAWS.split("|"), "changes nothing but a picture or recording, which the same call makes again"),
     **dict.fromkeys(ADDS.split("|"), "adds something where nothing was, or behind what is there"),
     "review": "every decision is made by a key, and taken back by another",
+    "rig emulate": "changes nothing: it stands in for devices until it is ended",
     "demo": "goes on in a folder of its own, and begins nothing anew that is there",
 }
 """Commands without ``--dry-run``, and why they need none."""
@@ -90,6 +91,7 @@ LONG = {
     "heatmap",
     "prediction",
     "review",
+    "rig emulate",
     "servo",
     "tune",
     "view dataset",
@@ -147,6 +149,7 @@ REFUSED = (
     "view dataset {data} --picture {nowhere}/x.png",
     "objects import {nowhere} --name x",
     "prediction --model {nowhere}",
+    "rig emulate --rig {nowhere}",
     "runs compare {nowhere} {nowhere}",
     "runs ls {nowhere}",
     "runs show {nowhere}",

@@ -46,6 +46,7 @@ NOTHING = {
     "heatmap": "{nowhere} --model {nowhere}",
     "objects import": "{nowhere} --name kitchen",
     "prediction": "--model {nowhere}",
+    "rig emulate": "--rig {nowhere}",
     "servo": "--model {nowhere}",
     "train": "{nowhere} --out {nowhere}",
     "tune": "{nowhere} --out {nowhere}",

@@ -110,6 +110,7 @@ REFUSED = {
     "collect by a network that is not there": ("collect sim {no} --policy servo --model {no}", "is no folder"),
     "collect by chance with a network": ("collect sim {no} --model {no}", "--model goes with"),
     "collect on no cluster": ("collect sim {no} --ray-address host:1", "--ray-address host:1 goes with"),
+    "rig emulate": ("rig emulate --rig {no}", "is no file"),
     "picture": ("collect picture --out {no}.jpg", "ends in .png"),
 }
 

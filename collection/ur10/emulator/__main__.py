@@ -7,14 +7,9 @@ it.
 from __future__ import annotations
 
 import argparse
-import asyncio
-import ctypes
 import json
-import os
-import signal
 import sys
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 
 from handsight.collection.depth_noise import DepthNoise
 from handsight.collection.errors import CollectionError
@@ -22,87 +17,29 @@ from handsight.collection.sim.config import D435_ON_GRIPPER, SimConfig
 from handsight.collection.station import Workspace
 from handsight.collection.ur10.emulator.camera import PORT as CAMERA_PORT
 from handsight.collection.ur10.emulator.camera import CameraSettings, MountedCamera
-from handsight.collection.ur10.emulator.control import Control
 from handsight.collection.ur10.emulator.errors import EmulatorError
 from handsight.collection.ur10.emulator.faults import Fault
 from handsight.collection.ur10.emulator.generation import E_SERIES, GENERATIONS
-from handsight.collection.ur10.emulator.physics import PhysicalWorld
-from handsight.collection.ur10.emulator.rig import EmulatedRig, RigSettings, serve_until
-from handsight.collection.ur10.emulator.world import BareWorld, World
+from handsight.collection.ur10.emulator.launch import FASTEST, SLOWEST, Launch, end_with_parent, run
+from handsight.collection.ur10.emulator.rig import RigSettings
 
-_PR_SET_PDEATHSIG = 1
 BAD_INPUT = 2
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Launch:
-    """Everything that a rig is started with."""
-
-    rig: RigSettings
-    world: SimConfig | None = None
-    """Objects and their physics; None for bare protocols."""
-    control_port: int | None = None
-    faults: tuple[Fault, ...] = ()
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run until told to end."""
-    _end_with_parent()
+    end_with_parent()
     try:
-        return run(launch_of(_parser().parse_args(arguments)))
+        run(launch_of(_parser().parse_args(arguments)), _announce)
     except CollectionError as error:
         sys.stderr.write(f"{error}\n")
         return BAD_INPUT
-
-
-def run(launch: Launch) -> int:
-    """Serve a rig until this process is told to end; returns its exit status.
-
-    Raises:
-        CollectionError: The world cannot be made.
-    """
-    world: World = BareWorld() if launch.world is None else PhysicalWorld(launch.world, launch.rig.seed)
-    return asyncio.run(_serve(launch, world))
-
-
-async def _serve(launch: Launch, world: World) -> int:
-    stopped = asyncio.Event()
-    rig = EmulatedRig(launch.rig, world)
-    control = None
-    try:
-        await rig.open()
-        if launch.control_port is not None:
-            control = Control(rig, launch.rig.robot, launch.control_port, stopped.set)
-            await control.network.open()
-    except OSError as error:
-        sys.stderr.write(f"the emulated rig cannot listen: {error}; is another one running on its addresses?\n")
-        return BAD_INPUT
-    for fault in launch.faults:
-        rig.faults.arm(fault)
-    loop = asyncio.get_running_loop()
-    for number in (signal.SIGTERM, signal.SIGINT):
-        loop.add_signal_handler(number, stopped.set)
-    sys.stdout.write(json.dumps(_ready(launch)) + "\n")
-    sys.stdout.flush()
-    try:
-        await serve_until(rig, stopped)
-    finally:
-        if control is not None:
-            control.network.close()
     return 0
 
 
-def _ready(launch: Launch) -> dict[str, object]:
-    camera = launch.rig.camera
-    return {
-        "ready": True,
-        "pid": os.getpid(),
-        "robot": launch.rig.robot,
-        "generation": launch.rig.generation.name,
-        "camera": None if camera is None else f"{camera.address}:{camera.port}",
-        "control": launch.control_port,
-        "objects": None if launch.world is None else launch.world.objects,
-    }
+def _announce(ready: Mapping[str, object]) -> None:
+    sys.stdout.write(json.dumps(ready) + "\n")
+    sys.stdout.flush()
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -141,8 +78,8 @@ def launch_of(options: argparse.Namespace) -> Launch:
     mount = _numbers("--mount", options.mount, 6, wrong)
     if options.camera is not None and options.objects is None:
         wrong.append("--camera is given without --objects, expected a world that it sees")
-    if not 0.01 <= options.speed <= 1000:
-        wrong.append(f"--speed is {options.speed}, expected 0.01 to 1000")
+    if not SLOWEST <= options.speed <= FASTEST:
+        wrong.append(f"--speed is {options.speed}, expected {SLOWEST:g} to {FASTEST:g}")
     if wrong:
         raise EmulatorError("; ".join(wrong))
     rig = RigSettings(
@@ -200,15 +137,6 @@ def _camera(options: argparse.Namespace, mount: tuple[float, ...] | None) -> Cam
     if options.depth_noise > 0:
         noise = DepthNoise(subpixel_px=options.depth_noise, seed=options.seed)
     return CameraSettings(address=address, port=int(port) if port else CAMERA_PORT, mount=camera, depth_noise=noise)
-
-
-def _end_with_parent() -> None:
-    """Have the kernel end this process when the one that started it is gone, even killed."""
-    parent = os.getppid()
-    if sys.platform == "linux":
-        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
-        if os.getppid() != parent:
-            raise SystemExit(0)
 
 
 if __name__ == "__main__":

@@ -204,17 +204,16 @@ class Camera:
             await self.network.thawed()
             request = json.loads(line)
             if request.get("do") == "hardware_reset":
+                await self.repair("reset")
+                # Whoever hears that it is done must not find it still there.
+                self.network.shut()
                 writer.write(_message({"kind": "ok"}))
                 await writer.drain()
-                await self.repair("reset")
-                asyncio.get_running_loop().call_soon(self._vanish)
+                self.network.keep(self.network.vanish(RESET_S))
                 return
             if request.get("do") == "frame":
                 self.asked += 1
                 sent = await self._send_frame(writer, sent)
-
-    def _vanish(self) -> None:
-        self._vanishing = asyncio.ensure_future(self.network.vanish(RESET_S))
 
     async def _send_frame(self, writer: asyncio.StreamWriter, sent: int) -> int:
         """Send the next frame when there is one; returns its number."""

@@ -17,11 +17,13 @@ from collections.abc import Callable
 from dataclasses import asdict
 from typing import Any
 
+from handsight.collection.sim.kinematics import flange_pose
 from handsight.collection.ur10.emulator.board import Board
 from handsight.collection.ur10.emulator.errors import EmulatorError
 from handsight.collection.ur10.emulator.faults import Fault
 from handsight.collection.ur10.emulator.network import Network
 from handsight.collection.ur10.emulator.physics import PhysicalWorld
+from handsight.collection.ur10.emulator.poses import vector_of
 from handsight.collection.ur10.emulator.rig import EmulatedRig
 
 Values = dict[str, Any]
@@ -80,6 +82,7 @@ class Control:
             "popup": machine.popup,
             "protective_stops": rig.robot.events,
             "tcp_pose": [float(value) for value in rig.robot.pose],
+            "flange_pose": [float(value) for value in vector_of(flange_pose(rig.world.joints_rad))],
             "tip_z_m": rig.robot.tip_z_m,
             "lowest_tip_z_m": rig.robot.lowest_tip_z_m,
             "force_n": rig.robot.sensor.wrench[:3],
@@ -147,7 +150,7 @@ class Control:
     def _power_cycle(self, _: Values) -> Values:
         if self._rig.camera is None:
             raise EmulatorError("this rig has no camera: start the emulator with --camera")
-        self._rig.faults.later(self._rig.camera.power_cycle())
+        self._rig.network.keep(self._rig.camera.power_cycle())
         return {"power_cycled": True}
 
     def _end(self, _: Values) -> Values:

@@ -116,9 +116,7 @@ class Faults:
         self._rig = rig
         self.armed: list[Fault] = []
         self.fired: list[Fired] = []
-        self._tasks: set[asyncio.Future[None]] = set()
         self._asked = 0
-        self._fresh_look = False
 
     def arm(self, fault: Fault) -> None:
         """Have it happen at its moment, or now."""
@@ -146,13 +144,7 @@ class Faults:
         rig.rtde.taken.clear()
         rig.gripper.fault, rig.gripper.silent = 0, False
         if rig.camera is not None:
-            self.later(rig.camera.repair("power-cycle"))
-
-    def later(self, coroutine: object) -> None:
-        """Run something that takes its time."""
-        task = asyncio.ensure_future(coroutine)  # type: ignore[call-overload]  # A coroutine of None.
-        self._tasks.add(task)
-        task.add_done_callback(self._tasks.discard)
+            rig.network.keep(rig.camera.repair("power-cycle"))
 
     def phase(self) -> str:
         """What the rig does now."""
@@ -204,7 +196,7 @@ def _kill_controller(rig: EmulatedRig, fault: Fault) -> None:
     rig.robot.motion = None
     rig.robot.machine.power_off()
     rig.gripper.reset()
-    rig.faults.later(rig.network.vanish(fault.number("s")))
+    rig.network.keep(rig.network.vanish(fault.number("s")))
 
 
 def _exit(rig: EmulatedRig, fault: Fault) -> None:

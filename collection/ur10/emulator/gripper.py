@@ -110,7 +110,8 @@ class Gripper:
         short = (self._target - here) * self._direction
         if short < ARRIVED_COUNTS:
             self._object = 3
-            self._world.drive_jaws(0.0)
+            if 0 < self._target < CLOSED_COUNT:
+                self._world.drive_jaws(0.0)  # At its ends the jaws go on to the stop.
         elif self._stalled_s >= STALLED_S:
             if self._direction > 0:
                 # The motor goes on pressing: what slips out lets the jaws go on.

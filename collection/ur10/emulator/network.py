@@ -1,13 +1,20 @@
-"""Listening on a device's own loopback address, and the ways in which a network fails."""
+"""Listening on a device's own loopback address, and the ways in which a network fails.
+
+Connections are accepted here and not by ``asyncio.start_server``: its server, closed in the moment in which it accepts,
+forgets the connection without closing it, and a client waits for its time to run out.
+"""
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import Awaitable, Callable
+import socket
+from collections.abc import Awaitable, Callable, Coroutine
+from typing import Any
 
 Handler = Callable[[asyncio.StreamReader, asyncio.StreamWriter], Awaitable[None]]
 GONE = (ConnectionError, asyncio.IncompleteReadError, TimeoutError, OSError)
+BACKLOG = 16
 MOST_UNSENT = 1 << 20
 """Bytes that a client may leave unread before what is new is dropped."""
 
@@ -19,7 +26,9 @@ class Network:
         """Nothing listens yet."""
         self.address = address
         self._services: list[tuple[int, Handler]] = []
-        self._servers: list[asyncio.Server] = []
+        self._listening: list[socket.socket] = []
+        self._accepting: list[asyncio.Task[None]] = []
+        self._connections: set[socket.socket] = set()
         self._writers: set[asyncio.StreamWriter] = set()
         self._tasks: set[asyncio.Task[None]] = set()
         self._flowing = asyncio.Event()
@@ -30,13 +39,25 @@ class Network:
         self._services.append((port, handler))
 
     async def open(self) -> None:
-        """Listen on all ports.
+        """Listen on all ports, unless it does.
 
         Raises:
             OSError: Some port is taken, or the address is none of this machine.
         """
+        if self._listening:
+            return
         for port, handler in self._services:
-            self._servers.append(await asyncio.start_server(self._guarded(handler), self.address, port))
+            listening = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+            self._listening.append(listening)
+            listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            listening.setblocking(False)
+            try:
+                listening.bind((self.address, port))
+                listening.listen(BACKLOG)
+            except OSError as error:
+                self.shut()
+                raise OSError(error.errno, f"{error.strerror} at {self.address}:{port}") from error
+            self._accepting.append(asyncio.create_task(self._accept(listening, handler)))
 
     @property
     def frozen(self) -> bool:
@@ -56,6 +77,8 @@ class Network:
         """Cut all connections; new ones are welcome."""
         for writer in list(self._writers):
             writer.transport.abort()
+        for connection in list(self._connections):
+            connection.close()
 
     async def vanish(self, seconds: float) -> None:
         """Cut all connections and refuse new ones for a while."""
@@ -63,11 +86,18 @@ class Network:
         await asyncio.sleep(seconds)
         await self.open()
 
+    def shut(self) -> None:
+        """Refuse new connections; those that are up stay."""
+        for task in self._accepting:
+            task.cancel()
+        for listening in self._listening:
+            listening.close()
+        self._accepting.clear()
+        self._listening.clear()
+
     def close(self) -> None:
-        """Stop listening and cut all connections."""
-        for server in self._servers:
-            server.close()
-        self._servers.clear()
+        """Refuse new connections and cut those that are up."""
+        self.shut()
         self.drop()
 
     def send(self, writer: asyncio.StreamWriter, data: bytes) -> None:
@@ -76,17 +106,35 @@ class Network:
         if self._flowing.is_set() and not transport.is_closing() and transport.get_write_buffer_size() < MOST_UNSENT:
             writer.write(data)
 
-    def _guarded(self, handler: Handler) -> Callable[[asyncio.StreamReader, asyncio.StreamWriter], Awaitable[None]]:
-        async def run(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+    def keep(self, work: Coroutine[Any, Any, None]) -> None:
+        """Run something beside everything else, to its end."""
+        task = asyncio.create_task(work)
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+
+    async def _accept(self, listening: socket.socket, handler: Handler) -> None:
+        loop = asyncio.get_running_loop()
+        while True:
+            connection, _ = await loop.sock_accept(listening)
+            connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            self._connections.add(connection)
+            self.keep(self._converse(connection, handler))
+
+    async def _converse(self, connection: socket.socket, handler: Handler) -> None:
+        writer = None
+        try:
+            reader, writer = await asyncio.open_connection(sock=connection)
+            self._connections.discard(connection)
             self._writers.add(writer)
-            try:
-                await self._flowing.wait()
-                await handler(reader, writer)
-            except GONE:
-                pass  # The client is gone, which is its right.
-            finally:
+            await self._flowing.wait()
+            await handler(reader, writer)
+        except GONE:
+            pass  # The client is gone, which is its right.
+        finally:
+            self._connections.discard(connection)
+            if writer is None:
+                connection.close()
+            else:
                 self._writers.discard(writer)
                 with contextlib.suppress(*GONE):
                     writer.close()
-
-        return run

@@ -34,8 +34,9 @@ QUIET_AFTER_S = 0.5
 """With arm and jaws at rest for so long, and every object too, physics is left out until something is moved."""
 JAWS_REST_M_S = 0.002
 SLEEP_EVERY_S = 0.25
-SLIP_S = 1.0
-"""A slip takes the friction away for so long."""
+SLIP_S = 0.25
+SLIP_SPEED_M_S = 0.1
+"""What slips is let go for so long, by jaws that run apart at so much each."""
 PLACES = 200
 """Places that are tried for an object that is put back."""
 
@@ -63,7 +64,6 @@ class PhysicalWorld:
         self.steps = 0
         """Steps of the physics so far; a picture of the same step is the same."""
         self._owed_s = self._still_s = self._since_sleep_s = 0.0
-        self._slippery: list[tuple[int, float]] = []
         self._slip_left_s = 0.0
         self._measured_rad: NDArray[np.float64] = self.arm.joints_rad
         self._measured_rad_s = np.zeros(6)
@@ -187,23 +187,22 @@ class PhysicalWorld:
         self.arm.hand.drive_fingers(opening_m_s=0.5 * speed_m_s)
 
     def slip(self) -> bool:
-        """Take the friction from what the jaws hold, for a moment; whether they hold anything."""
-        held = self.held()
-        for body in held:
-            friction = float(self.bullet.getDynamicsInfo(body, -1)[1])
-            self._slippery.append((body, friction))
-            self.bullet.changeDynamics(body, -1, lateralFriction=0.0)
-        self._slip_left_s = SLIP_S
-        self._still_s = 0.0
-        return bool(held)
+        """Let what the jaws hold out of their grip, which then closes on nothing; whether they hold anything.
+
+        Taking the friction away is not enough: many an object is held by its form.
+        """
+        held = bool(self.held())
+        if held:
+            self._slip_left_s = SLIP_S
+            self._still_s = 0.0
+            self.arm.hand.drive_fingers(opening_m_s=SLIP_SPEED_M_S)
+        return held
 
     def _end_slip(self, seconds: float) -> None:
-        if self._slippery:
+        if self._slip_left_s > 0:
             self._slip_left_s -= seconds
             if self._slip_left_s <= 0:
-                for body, friction in self._slippery:
-                    self.bullet.changeDynamics(body, -1, lateralFriction=friction)
-                self._slippery.clear()
+                self.arm.hand.drive_fingers(opening_m_s=-SLIP_SPEED_M_S)
 
     # What an onlooker sees and does.
 

@@ -69,9 +69,10 @@ class EmulatedRig:
 
     async def run(self) -> None:
         """Let time pass, for ever."""
-        await self.clock.run(self._tick, self.robot.period_s, self._attentive, self._take_factor)
+        await self.clock.run(self.tick, self.robot.period_s, self._attentive, self._take_factor)
 
-    def _tick(self, now_s: float) -> None:
+    def tick(self, now_s: float) -> None:
+        """One control period of everything, at this time of the wall's clock."""
         self.faults.tick()
         self.robot.tick()
         self.gripper.tick(self.robot.period_s)
