@@ -220,7 +220,7 @@ class ArmClient:
         if not contact:
             state = self._arrived(state, pose)
         else:
-            self._must(self._ready().stopL(stop_acceleration_m_s2), "stopL")
+            self._ready().stopL(stop_acceleration_m_s2)
             state = self.standstill()
             peak_n = max(peak_n, state.force_n[2] - baseline_n)
         return Touch(

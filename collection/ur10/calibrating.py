@@ -60,7 +60,7 @@ def calibrate_camera(arm: Arm, camera: Camera, *, robot_serial: str) -> CameraCa
     if answer.residual_m > MOST_RESIDUAL_M:
         raise RigSettingsError(
             f"the board moves by {1e3 * answer.residual_m:.1f} mm between views, expected at most "
-            f"{1e3 * MOST_RESIDUAL_M:g}: check the sizes under [board], that the board is flat, and that nothing is loose"
+            f"{1e3 * MOST_RESIDUAL_M:g}: check [board], that the board is flat, and that nothing is loose"
         )
     rotation = cv2.Rodrigues(answer.pose_tool_camera[:3, :3])[0][:, 0]
     x_m, y_m, z_m = (float(value) for value in answer.pose_tool_camera[:3, 3])

@@ -17,10 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handsight.collection.errors import DeviceError, DeviceLostError
-from handsight.collection.ur10.emulated_device import EmulatedCamera
+from handsight.collection.ur10.emulated_device import EmulatedCamera, EmulatedFrame
 from handsight.collection.ur10.rig import CameraConfig
 
 INPAINT_RADIUS_PX = 3
+MOST_FEEDS = 10
+SYNCER_MS = 30
 WARM_UP_FRAMES = 5
 """Pictures until the exposure has settled."""
 RESET_WAIT_S = 15.0
@@ -66,6 +68,9 @@ class Source(Protocol):
         Raises:
             DeviceLostError: None came.
         """
+
+    taken: tuple[int, float]
+    """Number and time [ms] of the last frame set, by the camera's own count."""
 
     def description(self) -> CameraDescription:
         """What it is."""
@@ -133,8 +138,8 @@ class CameraClient:
         scale_m = self._source.description().depth_scale_m
         filled, valid = filled_depth(raw, scale_m, self._config.nearest_m, self._config.farthest_m)
         return Picture(
-            number=int(colour.get_frame_number()),
-            timestamp_ms=float(colour.get_timestamp()),
+            number=self._source.taken[0],
+            timestamp_ms=self._source.taken[1],
             rgb=rgb,
             depth=filled,
             valid=valid,
@@ -199,6 +204,7 @@ class PipelineSource:
             DeviceError: There is no such device or file, or it does not stream that.
         """
         self._rs, self._recorded = rs, config.kind == "recording"
+        self.taken = (0, 0.0)
         setup = rs.config()
         if self._recorded:
             rs.config.enable_device_from_file(setup, config.file, repeat_playback=False)
@@ -244,6 +250,8 @@ class PipelineSource:
         good, frames = self._pipeline.try_wait_for_frames(round(1e3 * timeout_s))
         if not good:
             raise DeviceLostError("the recording has ended" if self._recorded else f"no frame within {timeout_s:g} s")
+        colour = frames.get_color_frame()
+        self.taken = (int(colour.get_frame_number()), float(colour.get_timestamp())) if colour else (0, 0.0)
         return frames
 
     def description(self) -> CameraDescription:
@@ -302,35 +310,43 @@ class EmulatedSource:
         for name, sensor in self._sensors.items():
             sensor.open(self._profiles[name])
             sensor.start(self._syncer)
-        self._fed = 0
+        self._fed = 1
+        self.taken = (0, 0.0)
 
     def wait(self, timeout_s: float) -> Any:
-        """See :class:`Source`; the syncer gives incomplete sets until it knows both streams."""
-        until = time.monotonic() + timeout_s
-        while (left_s := until - time.monotonic()) > 0:
-            try:
-                frame = self._cable.frame(left_s)
-            except (OSError, ValueError, KeyError) as error:
-                raise DeviceLostError(
-                    f"no frame within {timeout_s:g} s: {str(error) or type(error).__name__}"
-                ) from error
-            # A set is complete once the next one begins: the same picture is fed until it comes out.
-            for _ in range(4):
-                self._feed(frame)
-                good, frames = self._syncer.try_wait_for_frames(200)
-                if good and frames.get_color_frame() and frames.get_depth_frame():
-                    self._number = frame.number
-                    return frames
-        raise DeviceLostError(f"no complete frame set within {timeout_s:g} s")
+        """See :class:`Source`.
 
-    def _feed(self, frame: Any) -> None:
+        The syncer pairs what comes evenly and gives colour and depth apart where there were gaps. So pictures are fed
+        with numbers and times of their own, and one that came out apart is fed again. A set counts once its number is
+        one under which this picture was fed: what is older shows what was there before.
+        """
+        try:
+            frame = self._cable.frame(timeout_s)
+        except (OSError, ValueError, KeyError) as error:
+            reason = str(error) or type(error).__name__
+            raise DeviceLostError(f"no frame within {timeout_s:g} s: {reason}") from error
+        first = self._fed
+        for _ in range(MOST_FEEDS):
+            self._feed(frame)
+            while True:
+                good, frames = self._syncer.try_wait_for_frames(SYNCER_MS)
+                if not good:
+                    break
+                colour, depth = frames.get_color_frame(), frames.get_depth_frame()
+                if colour and depth and min(colour.get_frame_number(), depth.get_frame_number()) >= first:
+                    self.taken = (frame.number, frame.timestamp_ms)
+                    return frames
+        raise DeviceLostError(f"no complete frame set for frame {frame.number}")
+
+    def _feed(self, frame: EmulatedFrame) -> None:
         rs = self._rs
         for name, pixels, bpp in (("depth", frame.depth, 2), ("color", frame.rgb, 3)):
             made = rs.software_video_frame()
             made.pixels = np.ascontiguousarray(pixels)
             made.stride, made.bpp = pixels.shape[1] * bpp, bpp
-            made.timestamp, made.domain = frame.timestamp_ms, rs.timestamp_domain.hardware_clock
-            made.frame_number, made.profile = frame.number, self._profiles[name].as_video_stream_profile()
+            made.timestamp = 1e3 * self._fed / float(self._cable.description["fps"])
+            made.domain = rs.timestamp_domain.hardware_clock
+            made.frame_number, made.profile = self._fed, self._profiles[name].as_video_stream_profile()
             if name == "depth":
                 made.depth_units = self._cable.description["depth_scale_m"]
             self._sensors[name].on_video_frame(made)
