@@ -35,6 +35,9 @@ def emulate_command(
             help="What goes wrong, and when: slip@lift, freeze:s=5@z<0.1, ...; may be given several times.",
         ),
     ] = None,
+    faults_per_hour: Annotated[
+        float, typer.Option(min=0, max=3600, help="Faults at random, in an hour of the robot's clock.")
+    ] = 0.0,
     depth_noise: Annotated[
         float, typer.Option(min=0.0, max=2.0, help="Noise of the disparity that depth is made of [px].")
     ] = 0.08,
@@ -60,6 +63,7 @@ def emulate_command(
         speed=speed,
         seed=seed,
         faults=fault or (),
+        faults_per_hour=faults_per_hour,
         depth_noise_px=depth_noise,
         control_port=control,
     )

@@ -31,6 +31,7 @@ def emulated_rig(
     speed: float,
     seed: int,
     faults: Sequence[str],
+    faults_per_hour: float,
     depth_noise_px: float,
     control_port: int | None,
 ) -> Launch:
@@ -57,6 +58,7 @@ def emulated_rig(
         generation=GENERATIONS[rig.robot.generation],
         speed=speed,
         seed=seed,
+        faults_per_hour=faults_per_hour,
         true_payload_kg=rig.robot.payload_kg,
         camera=_camera(rig, depth_noise_px, seed),
     )

@@ -57,6 +57,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--payload", type=float, default=1.3, metavar="KG", help="what really hangs on the flange")
     parser.add_argument("--speed", type=float, default=1.0, help="robot time per wall time, at most")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--faults-per-hour", type=float, default=0.0, help="at random, of robot time")
     parser.add_argument("--fault", action="append", default=[], help="NAME[:KEY=VALUE,...][@WHEN]")
     return parser
 
@@ -80,6 +81,8 @@ def launch_of(options: argparse.Namespace) -> Launch:
         wrong.append("--camera is given without --objects, expected a world that it sees")
     if not SLOWEST <= options.speed <= FASTEST:
         wrong.append(f"--speed is {options.speed}, expected {SLOWEST:g} to {FASTEST:g}")
+    if not 0 <= options.faults_per_hour <= 3600:
+        wrong.append(f"--faults-per-hour is {options.faults_per_hour}, expected 0 to 3600")
     if wrong:
         raise EmulatorError("; ".join(wrong))
     rig = RigSettings(
@@ -87,6 +90,7 @@ def launch_of(options: argparse.Namespace) -> Launch:
         generation=GENERATIONS[options.generation],
         speed=options.speed,
         seed=options.seed,
+        faults_per_hour=options.faults_per_hour,
         true_payload_kg=options.payload,
         camera=_camera(options, mount),
     )

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from handsight.collection.ur10.emulator.camera import Camera, CameraSettings
+from handsight.collection.ur10.emulator.chaos import Chaos
 from handsight.collection.ur10.emulator.clock import TOUCHING_N, Clock
 from handsight.collection.ur10.emulator.controller import Controller
 from handsight.collection.ur10.emulator.dashboard import Dashboard
@@ -32,6 +33,8 @@ class RigSettings:
     """How many times faster than the wall's the robot's clock may run."""
     seed: int = 0
     true_payload_kg: float = 1.3
+    faults_per_hour: float = 0.0
+    """Faults at random, in an hour of robot time."""
     camera: CameraSettings | None = None
     """The camera, where there is one; it needs a world with objects."""
 
@@ -56,6 +59,9 @@ class EmulatedRig:
         if settings.camera is not None and isinstance(world, PhysicalWorld):
             self.camera = Camera(settings.camera, world, self.robot, seed=settings.seed)
         self.faults = Faults(self)
+        self._chaos: Chaos | None = None
+        if settings.faults_per_hour > 0:
+            self._chaos = Chaos(settings.faults_per_hour, settings.seed, self.faults.arm)
 
     async def open(self) -> None:
         """Listen.
@@ -79,6 +85,8 @@ class EmulatedRig:
     def show(self, now_s: float) -> None:
         """Take readings, let faults happen and tell clients, at this time of the wall's clock."""
         self.robot.observe()
+        if self._chaos is not None:
+            self._chaos.tick(self.robot.clock_s)
         self.faults.tick()
         self.rtde.stream(now_s)
 
