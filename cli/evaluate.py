@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -18,15 +18,18 @@ from handsight.cli.options import (
     METHOD_NAMES,
     MOST_TRIALS,
     NOVEL_OBJECTS,
+    RIG_THRESHOLD,
     Gripper,
     Json,
     Model,
-    Threshold,
     TrialSeed,
     Workers,
 )
 from handsight.cli.output import errors, print_json
 from handsight.training.run_folder import check_finished_run
+
+if TYPE_CHECKING:
+    from handsight.collection.ur10.station import Ur10StationFactory
 
 
 def evaluate_command(
@@ -48,9 +51,18 @@ def evaluate_command(
     trials: Annotated[
         int, typer.Option("--trials", "-n", max=MOST_TRIALS, help="Trials of each method on each object set.")
     ] = 100,
-    station: Annotated[Literal["sim"], typer.Option(help="Where to try.")] = "sim",
+    station: Annotated[Literal["sim", "ur10"], typer.Option(help="Where to try.")] = "sim",
+    rig: Annotated[
+        Path | None, typer.Option("--rig", metavar="FILE", help="The rig's file, for --station ur10; see docs/rig.md.")
+    ] = None,
     gripper: Gripper = DEFAULT_GRIPPER,
-    threshold: Threshold = DEFAULT_THRESHOLD,
+    threshold: Annotated[
+        float | None,
+        typer.Option(
+            help=f"Predicted success at which the grasp is executed; unless given {DEFAULT_THRESHOLD}, and "
+            f"{RIG_THRESHOLD} on a rig."
+        ),
+    ] = None,
     seed: TrialSeed = EVALUATION_SEED,
     workers: Workers = 2,
     against: Annotated[
@@ -85,6 +97,12 @@ def evaluate_command(
 ) -> None:
     """Compare servo methods on the same scenes and starting poses (section V-B.2)."""
     check_finished_run(model)
+    if (rig is None) != (station == "sim"):
+        raise CommandError(
+            "--rig goes with --station ur10" if station == "sim" else "--station ur10 needs the rig's file: --rig FILE"
+        )
+    if rig is not None and disturb is not None:
+        raise CommandError("--disturb is of the simulated station: no rig is disturbed on purpose")
     if out is not None:
         check_out_file(out)
     from handsight.cli.wiring.evaluations import evaluate_model
@@ -98,15 +116,22 @@ def evaluate_command(
         methods=tuple(METHODS if methods is None else method_names(methods)),
         trials=trials,
         seed=seed,
-        workers=workers,
-        servo=ServoSettings(threshold=threshold),
+        workers=workers if rig is None else 1,
+        servo=ServoSettings(threshold=_threshold(threshold, rig)),
     )
     check_reference(against, settings.methods)
     disturbance = None if disturb is None else Disturbance.parse(disturb)
     if figure is not None:
         _check_figure(figure, settings.methods)
     results = evaluate_model(
-        model, objects, settings, gripper=gripper, out=out, against=against, disturbance=disturbance
+        model,
+        objects,
+        settings,
+        gripper=gripper,
+        out=out,
+        against=against,
+        disturbance=disturbance,
+        rig=None if rig is None else _rig_station(rig),
     )
     if figure is not None:
         from handsight.viz.figures.durations import durations_figure
@@ -119,6 +144,18 @@ def evaluate_command(
     if results["fault"] is not None:
         errors.print(f"error: {results['fault']}")
         raise typer.Exit(1)
+
+
+def _threshold(given: float | None, rig: Path | None) -> float:
+    if given is not None:
+        return given
+    return DEFAULT_THRESHOLD if rig is None else RIG_THRESHOLD
+
+
+def _rig_station(rig: Path) -> Ur10StationFactory:
+    from handsight.cli.wiring.rigs import rig_station
+
+    return rig_station(rig, rig.parent)
 
 
 def _check_figure(figure: Path, methods: tuple[str, ...]) -> None:

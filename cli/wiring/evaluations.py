@@ -15,6 +15,7 @@ from handsight.cli.wiring.stations import sim_station
 from handsight.collection.collector import StationFactory
 from handsight.collection.errors import ObjectSetError
 from handsight.collection.sim.station import SimStationFactory
+from handsight.collection.ur10.station import Ur10StationFactory
 from handsight.evaluation.disturbance import Disturbance, DisturbedFactory
 from handsight.evaluation.evaluate import EvaluationSettings, TrialContextFactory, evaluate
 from handsight.evaluation.journal import Journal, open_journal, trial_to_json
@@ -23,6 +24,9 @@ from handsight.evaluation.report import evaluation_report
 from handsight.evaluation.trial import Trial
 from handsight.servoing.methods.registry import METHODS
 from handsight.training.run import load_run
+
+RIG = "rig"
+"""What stands for the object set where a rig is evaluated: nobody knows what lies on its table."""
 
 
 def object_sets(text: str, *, gripper: str = DEFAULT_GRIPPER) -> dict[str, SimStationFactory]:
@@ -55,6 +59,7 @@ def evaluate_model(
     out: Path | None = None,
     against: str | None = None,
     disturbance: Disturbance | None = None,
+    rig: Ur10StationFactory | None = None,
 ) -> dict[str, Any]:
     """Run the trials behind a progress bar; returns what ``evaluate --json`` prints.
 
@@ -66,12 +71,18 @@ def evaluate_model(
         out: Journal to begin or to go on with.
         against: Reference of the comparisons.
         disturbance: What is wrong with the stations; each method is then tried with one look too.
+        rig: A real rig, which takes the place of all object sets.
 
     Raises:
         ObjectSetError: Sets that cannot be used.
         JournalError: The journal is one of another evaluation, or none.
     """
-    plain = object_sets(objects, gripper=gripper)
+    plain: dict[str, StationFactory] = {}
+    if rig is None:
+        plain.update(object_sets(objects, gripper=gripper))
+    else:
+        plain[RIG] = rig
+        gripper = rig.rig.gripper.model
     stations: dict[str, StationFactory] = {
         name: station if disturbance is None else DisturbedFactory(open_station=station, disturbance=disturbance)
         for name, station in plain.items()

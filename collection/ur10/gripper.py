@@ -29,6 +29,13 @@ class Gripper(Protocol):
     def serial(self) -> str:
         """What tells it from another of its model, as far as it says."""
 
+    def probe(self) -> dict[str, int]:
+        """Connect and read the registers, faults or not; nothing moves.
+
+        Raises:
+            DeviceError: It does not answer, or not as a gripper.
+        """
+
     def connect(self) -> None:
         """Connect and get ready; fingers may move.
 

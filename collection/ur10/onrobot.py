@@ -38,9 +38,15 @@ class Rg2:
         """It tells none; the model."""
         return self.config.model
 
-    def connect(self) -> None:
+    def probe(self) -> dict[str, int]:
         """See :class:`~.gripper.Gripper`."""
         self._bus = Modbus(self.config.address, self.config.port or PORT, UNIT, timeout_s=ANSWER_S)
+        width, status = self._opened.read(WIDTH_READ, 2)
+        return {"WIDTH": width, "STATUS": status}
+
+    def connect(self) -> None:
+        """See :class:`~.gripper.Gripper`."""
+        self.probe()
         self.read()
 
     def open(self) -> GripResult:

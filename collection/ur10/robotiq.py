@@ -49,6 +49,11 @@ class Robotiq:
         """Its bus id: the URCap tells nothing else."""
         return self._serial
 
+    def probe(self) -> dict[str, int]:
+        """See :class:`~.gripper.Gripper`."""
+        self._open_socket()
+        return {name: self._get(name) for name in READ}
+
     def connect(self) -> None:
         """Connect, and activate it where that is to be done; see :class:`~.gripper.Gripper`."""
         self._open_socket()

@@ -190,16 +190,17 @@ class Ur10Station:
         """
         self._attempts += 1
         self._flush_readings()
-        if self._fault:
-            self._recover()
-        self._clock_s, self._last_s = 0.0, None
-        _ = self.clock_s
-        with self._phase("settle"):
-            self._guard()
-            self._put_down(rng)
-            self._measure_jaws()
-            self._grip, self._holding = self.gripper.open(), False
-            self._home()
+        with self._paused_told():
+            if self._fault:
+                self._recover()
+            self._clock_s, self._last_s = 0.0, None
+            _ = self.clock_s
+            with self._phase("settle"):
+                self._guard()
+                self._put_down(rng)
+                self._measure_jaws()
+                self._grip, self._holding = self.gripper.open(), False
+                self._home()
 
     def look(self) -> RgbdFrame:
         """Take a picture and turn it parallel to the tool; the tool must stand.
@@ -218,7 +219,8 @@ class Ur10Station:
         frame = RgbdFrame(rgb=rgb, depth=depth, pose_base_tool=pose)
         self._readings.setdefault("depth_valid", []).append(round(picture.valid, 4))
         if pose[2, 3] > self._rig.workspace.overhead_height_m - 0.01:
-            self._watch_table(frame)
+            with self._paused_told():
+                self._watch_table(frame)
         return frame
 
     def reach(self, pose: PlanarPose) -> None:
@@ -390,6 +392,14 @@ class Ur10Station:
             raise RigPausedError(
                 f"nothing on the table stands higher than {height_m:.3f} m in {self._empty_looks} pictures: refill it"
             )
+
+    @contextmanager
+    def _paused_told(self) -> Iterator[None]:
+        try:
+            yield
+        except RigPausedError as error:
+            self.pause(str(error))
+            raise
 
     # Errors of devices as those of phases.
 
