@@ -29,6 +29,8 @@ PHASES = ("rest", "look", "reach", "descend", "close", "lift", "shake", "release
 VERTICAL_M_S = 0.008
 """A tool that moves up or down at less is not lifted or lowered."""
 MOVING_M_S = 0.002
+LOOK_S = 0.3
+"""A picture is being taken for so long after it was asked for."""
 _CONDITION = re.compile(r"(z|force|t)\s*([<>])\s*(-?[0-9.]+)")
 KILLED = 9
 """Exit status of a process that a fault kills."""
@@ -117,6 +119,7 @@ class Faults:
         self.armed: list[Fault] = []
         self.fired: list[Fired] = []
         self._asked = 0
+        self._looking_until_s = 0.0
 
     def arm(self, fault: Fault) -> None:
         """Have it happen at its moment, or now."""
@@ -127,6 +130,7 @@ class Faults:
 
     def tick(self) -> None:
         """Let happen what is due."""
+        self._watch_camera()
         if not self.armed:
             return
         phase = self.phase()
@@ -153,12 +157,15 @@ class Faults:
         if gripper.moving:
             return "close" if gripper.closing else "release"
         if robot.motion is None or max(map(abs, speed_m_s)) < MOVING_M_S:
-            asked = self._rig.camera.asked if self._rig.camera is not None else 0
-            looking, self._asked = asked != self._asked, asked
-            return "look" if looking else "rest"
+            return "look" if robot.clock_s < self._looking_until_s else "rest"
         if gripper.closed:
             return "lift" if speed_m_s[2] > VERTICAL_M_S else "shake"
         return "descend" if speed_m_s[2] < -VERTICAL_M_S and abs(speed_m_s[2]) > abs(speed_m_s[0]) else "reach"
+
+    def _watch_camera(self) -> None:
+        asked = self._rig.camera.asked if self._rig.camera is not None else 0
+        if asked != self._asked:
+            self._asked, self._looking_until_s = asked, self._rig.robot.clock_s + LOOK_S
 
     def _due(self, fault: Fault, phase: str) -> bool:
         found = _CONDITION.fullmatch(fault.when)

@@ -117,7 +117,10 @@ class Program:
     # Registers.
 
     def _six(self, start: int = 0) -> NDArray[np.float64]:
-        return np.array(self._robot.doubles_in[self._offset + start : self._offset + start + 6])
+        values = np.array(self._robot.doubles_in[self._offset + start : self._offset + start + 6])
+        if not np.isfinite(values).all():
+            raise UnreachableError("program", f"registers hold {values.tolist()}, expected finite numbers")
+        return values
 
     def _double(self, index: int) -> float:
         return self._robot.doubles_in[self._offset + index]

@@ -160,3 +160,20 @@ def test_registers_of_the_upper_range_are_those_that_the_script_names(rig: Emula
     rig.robot.upload(SCRIPT.replace("\n0\n", "\n24\n"))
     rig.tick(0.0)
     assert (rig.robot.ints_out[24], rig.robot.ints_out[0]) == (READY, 0)
+
+
+def test_pose_that_is_no_number_ends_the_program_and_not_the_emulator(rig: EmulatedRig) -> None:
+    start(rig)
+    call(rig, 3, (float("nan"), *lowered(rig, 0.1)[1:], 0.1, 0.5), (0,))
+    assert rig.robot.machine.safety is SafetyMode.PROTECTIVE_STOP
+    assert "finite" in rig.robot.events[0][1]
+
+
+def test_brake_on_a_line_stays_on_the_line(rig: EmulatedRig) -> None:
+    start(rig)
+    before = rig.robot.pose
+    call(rig, 3, (*lowered(rig, 0.2), 0.2, 0.5), (1,))
+    let_pass(rig, 0.6)
+    call(rig, 34, (3.0,), (0,))
+    assert rig.robot.pose[:2] == pytest.approx(before[:2], abs=1e-4)
+    assert rig.robot.pose[3:] == pytest.approx(before[3:], abs=1e-3)
