@@ -2,20 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import pytest
+from tests.support.bare_rig import bare_rig
 
-from handsight.collection.ur10.emulator.generation import CB3, E_SERIES, Generation
-from handsight.collection.ur10.emulator.rig import EmulatedRig, RigSettings
-from handsight.collection.ur10.emulator.world import BareWorld
-
-Pass = Callable[[float], None]
-
-
-def bare_rig(generation: Generation) -> EmulatedRig:
-    """No objects, nothing listens."""
-    return EmulatedRig(RigSettings(robot="127.0.0.2", generation=generation), BareWorld())
+from handsight.collection.ur10.emulator.generation import CB3, E_SERIES
+from handsight.collection.ur10.emulator.rig import EmulatedRig
 
 
 @pytest.fixture(params=[CB3, E_SERIES], ids=lambda generation: str(generation.name))
@@ -32,9 +23,3 @@ def e_series() -> EmulatedRig:
 @pytest.fixture
 def cb3() -> EmulatedRig:
     return bare_rig(CB3)
-
-
-def let_pass(rig: EmulatedRig, seconds: float) -> None:
-    """Let robot time pass."""
-    for _ in range(round(seconds / rig.robot.period_s)):
-        rig.tick(0.0)

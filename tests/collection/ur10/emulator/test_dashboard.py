@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from tests.collection.ur10.emulator.conftest import let_pass
+from tests.support.bare_rig import let_pass
 
 from handsight.collection.ur10.emulator.dashboard import LOCKED, TOO_EARLY
 from handsight.collection.ur10.emulator.machine import RobotMode, SafetyMode

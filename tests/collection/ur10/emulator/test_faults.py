@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from tests.collection.ur10.emulator.conftest import let_pass
-from tests.collection.ur10.emulator.test_program import call, lowered, start
+from tests.support.bare_rig import call, let_pass, lowered, start
 
 from handsight.collection.ur10.emulator.errors import FaultError
 from handsight.collection.ur10.emulator.faults import ACTIONS, Fault

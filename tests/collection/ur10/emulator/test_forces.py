@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.collection.ur10.emulator.conftest import let_pass
+from tests.support.bare_rig import let_pass
 
 from handsight.collection.ur10.emulator.rig import EmulatedRig
 

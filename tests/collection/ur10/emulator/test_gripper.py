@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from tests.collection.ur10.emulator.conftest import let_pass
+from tests.support.bare_rig import let_pass
 
 from handsight.collection.ur10.emulator.rig import EmulatedRig
 from handsight.collection.ur10.emulator.world import BareWorld

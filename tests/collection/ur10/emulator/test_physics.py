@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from tests.collection.ur10.emulator.conftest import let_pass
+from tests.support.bare_rig import let_pass
 
 from handsight.collection.sim.config import SimConfig
 from handsight.collection.ur10.emulator.generation import E_SERIES

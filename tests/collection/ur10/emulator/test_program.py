@@ -4,49 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.collection.ur10.emulator.conftest import let_pass
+from tests.support.bare_rig import DONE, READY, SCRIPT, TCP, call, clear, let_pass, lowered, send, start
 
 from handsight.collection.ur10.emulator.machine import Runtime, SafetyMode
 from handsight.collection.ur10.emulator.poses import matrix_of, vector_of
 from handsight.collection.ur10.emulator.rig import EmulatedRig
-
-SCRIPT = "def rtde_control():\n  global reg_offset_int = # int register offset\n0\nend\n"
-TCP = (0.0, 0.0, 0.16, 0.0, 0.0, 0.0)
-READY, DONE = 1, 2
-
-
-def start(rig: EmulatedRig) -> None:
-    rig.robot.upload(SCRIPT)
-    rig.tick(0.0)
-    call(rig, 29, TCP)
-
-
-def call(rig: EmulatedRig, command: int, doubles: tuple[float, ...] = (), ints: tuple[int, ...] = ()) -> None:
-    """Send a command, wait until it is done, and clear it; as the client does."""
-    send(rig, command, doubles, ints)
-    for _ in range(round(30 / rig.robot.period_s)):
-        if rig.robot.ints_out[0] == DONE or rig.robot.program is None:
-            break
-        rig.tick(0.0)
-    clear(rig)
-
-
-def send(rig: EmulatedRig, command: int, doubles: tuple[float, ...] = (), ints: tuple[int, ...] = ()) -> None:
-    rig.robot.doubles_in[: len(doubles)] = list(doubles)
-    rig.robot.ints_in[1 : 1 + len(ints)] = list(ints)
-    rig.robot.ints_in[0] = command
-    rig.tick(0.0)
-
-
-def clear(rig: EmulatedRig) -> None:
-    rig.robot.ints_in[0] = 0
-    rig.tick(0.0)
-
-
-def lowered(rig: EmulatedRig, by_m: float) -> tuple[float, ...]:
-    pose = rig.robot.pose
-    pose[2] -= by_m
-    return tuple(float(value) for value in pose)
 
 
 def test_command_is_done_once_and_then_waits_to_be_cleared(rig: EmulatedRig) -> None:
