@@ -79,7 +79,7 @@ _RANGES: dict[str, tuple[float, float]] = {
     "guards.empty_looks": (0, 1000),
     "recovery.protective_stops_per_10_min": (0, 100),
     "recovery.recoveries_per_hour": (0, 1000),
-    "recovery.unlock_wait_s": (5.0, 60.0),
+    "recovery.unlock_wait_s": (0.5, 60.0),
     "recovery.retreat_m": (0.0, 0.5),
     "recovery.retreat_speed_m_s": (0.005, 0.1),
     "board.columns": (3, 50),
