@@ -39,6 +39,8 @@ class Controller:
     def __init__(self, generation: Generation, world: World, *, seed: int = 0, true_payload_kg: float = 1.3) -> None:
         """A robot that is running, standing where ``world`` has it.
 
+        ``clock_s`` counts on when the controller starts anew; the ``timestamp`` that clients read begins at zero.
+
         Args:
             generation: Which controller.
             world: What the arm acts on.
@@ -69,6 +71,7 @@ class Controller:
         self.overheated_joint: int | None = None
         self.watchdog_hz = 0.0
         self.clock_factor = 1.0
+        self._booted_s = 0.0
         self._fed_s = 0.0
         self._collision_seen = False
         self._speed_rad_s = np.zeros(6)
@@ -99,6 +102,16 @@ class Controller:
             self.machine.runtime = Runtime.STOPPED
         if self.motion is not None:
             self.motion.brake(STOP_DECELERATION_RAD_S2, joints=True)
+
+    def reboot(self) -> None:
+        """Start anew: without power or program, with the installation's TCP and payload, and a clock at zero."""
+        self.stop_program()
+        self.motion = None
+        self.target_rad = self.world.joints_rad.copy()
+        self.machine.power_off()
+        self.set_tcp(np.zeros(6))
+        self.payload_kg = 0.0
+        self._booted_s = self.clock_s
 
     def feed(self) -> None:
         """The watched register was written."""
@@ -267,7 +280,7 @@ def _temperatures(controller: Controller) -> list[float]:
 
 
 _READINGS: dict[str, Any] = {
-    "timestamp": lambda c: c.clock_s,
+    "timestamp": lambda c: c.clock_s - c._booted_s,
     "actual_q": lambda c: c.world.joints_rad,
     "target_q": lambda c: c.target_rad,
     "actual_qd": lambda c: c._speed_rad_s,

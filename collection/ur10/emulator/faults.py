@@ -199,9 +199,7 @@ def _freeze(rig: EmulatedRig, fault: Fault) -> None:
 
 def _kill_controller(rig: EmulatedRig, fault: Fault) -> None:
     """The controller's own process dies and comes back: without power, without a program."""
-    rig.robot.stop_program()
-    rig.robot.motion = None
-    rig.robot.machine.power_off()
+    rig.robot.reboot()
     rig.gripper.reset()
     rig.network.keep(rig.network.vanish(fault.number("s")))
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from tests.support.bare_rig import let_pass
+from tests.support.bare_rig import let_pass, start
 
 from handsight.collection.ur10.emulator.dashboard import LOCKED, TOO_EARLY
 from handsight.collection.ur10.emulator.machine import RobotMode, SafetyMode
@@ -49,6 +49,19 @@ def test_power_comes_back_by_power_on_and_brake_release(rig: EmulatedRig) -> Non
     assert rig.dashboard.answer("brake release") == "Brake releasing"
     let_pass(rig, 1.5)
     assert rig.dashboard.answer("robotmode") == "Robotmode: RUNNING"
+
+
+def test_controller_that_starts_anew_has_forgotten(rig: EmulatedRig) -> None:
+    start(rig)
+    let_pass(rig, 2.0)
+    clock_s = rig.robot.clock_s
+    rig.robot.reboot()
+    let_pass(rig, 0.5)
+    assert rig.dashboard.answer("robotmode") == "Robotmode: POWER_OFF"
+    assert rig.robot.read("timestamp") == pytest.approx(0.5, abs=0.01)
+    assert rig.robot.clock_s > clock_s
+    assert rig.robot.read("tcp_offset") == pytest.approx((0.0,) * 6)
+    assert rig.robot.program is None
 
 
 def test_emergency_stop_yields_to_a_person_alone(rig: EmulatedRig) -> None:
