@@ -17,6 +17,7 @@ from handsight.collection.ur10.emulator.camera import CameraSettings
 from handsight.collection.ur10.emulator.faults import Fault
 from handsight.collection.ur10.emulator.generation import GENERATIONS
 from handsight.collection.ur10.emulator.launch import Launch
+from handsight.collection.ur10.emulator.rg2 import PORT as RG2_PORT
 from handsight.collection.ur10.emulator.rig import RigSettings
 from handsight.collection.ur10.rig import RigConfig
 from handsight.collection.ur10.rig_file import load_rig
@@ -52,12 +53,17 @@ def emulated_rig(
             wrong.append(str(error))
     if wrong:
         raise CommandError("; ".join(wrong))
-    world = sim_station(objects, gripper=rig.gripper.model, shakes=0, per_scene=per_scene, vary=()).config
+    rg2 = rig.gripper.kind == "rg2"
+    # The RG2 opens wider than the smaller of the simulator's grippers.
+    world = sim_station(
+        objects, gripper="2f-140" if rg2 else rig.gripper.model, shakes=0, per_scene=per_scene, vary=()
+    ).config
     settings = RigSettings(
         robot=rig.robot.address,
         generation=GENERATIONS[rig.robot.generation],
         speed=speed,
         seed=seed,
+        rg2=(rig.gripper.address, rig.gripper.port or RG2_PORT) if rg2 else None,
         faults_per_hour=faults_per_hour,
         true_payload_kg=rig.robot.payload_kg,
         camera=_camera(rig, depth_noise_px, seed),
@@ -79,14 +85,12 @@ def _not_emulated(rig: RigConfig) -> list[str]:
     for key, address in named.items():
         if not _is_loopback(address):
             wrong.append(f"{key} is {address!r}, expected a loopback address 127.0.0.N for an emulated rig")
-    if rig.gripper.kind != "robotiq":
-        wrong.append(f"gripper.kind is {rig.gripper.kind!r}, expected robotiq: no other gripper is emulated")
-    elif rig.gripper.address != rig.robot.address:
+    if rig.gripper.kind == "robotiq" and rig.gripper.address != rig.robot.address:
         wrong.append(
             f"gripper.address is {rig.gripper.address!r}, expected the robot's {rig.robot.address}: the URCap listens "
             "there"
         )
-    if rig.gripper.model not in GRIPPERS:
+    if rig.gripper.kind == "robotiq" and rig.gripper.model not in GRIPPERS:
         wrong.append(f"gripper.model is {rig.gripper.model!r}, expected one of: {', '.join(GRIPPERS)}")
     return wrong
 

@@ -21,6 +21,7 @@ from handsight.collection.ur10.emulator.errors import EmulatorError
 from handsight.collection.ur10.emulator.faults import Fault
 from handsight.collection.ur10.emulator.generation import E_SERIES, GENERATIONS
 from handsight.collection.ur10.emulator.launch import FASTEST, SLOWEST, Launch, end_with_parent, run
+from handsight.collection.ur10.emulator.rg2 import PORT as RG2_PORT
 from handsight.collection.ur10.emulator.rig import RigSettings
 
 BAD_INPUT = 2
@@ -51,6 +52,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--objects", metavar="SET", help="object set; without one there is nothing but protocols")
     parser.add_argument("--objects-per-scene", type=int, default=5)
     parser.add_argument("--gripper", default="2f-85")
+    parser.add_argument("--rg2", metavar="ADDRESS[:PORT]", help="an OnRobot RG2 there, in place of the Robotiq")
     parser.add_argument("--workspace", metavar="X0,X1,Y0,Y1", help="where objects are dropped [m]")
     parser.add_argument("--mount", metavar="X,Y,Z,RX,RY,RZ", help="camera in the tool frame [m, rad]")
     parser.add_argument("--depth-noise", type=float, default=0.0, metavar="PX", help="of the disparity; 0 for none")
@@ -90,6 +92,7 @@ def launch_of(options: argparse.Namespace) -> Launch:
         generation=GENERATIONS[options.generation],
         speed=options.speed,
         seed=options.seed,
+        rg2=None if options.rg2 is None else _place(options.rg2, RG2_PORT),
         faults_per_hour=options.faults_per_hour,
         true_payload_kg=options.payload,
         camera=_camera(options, mount),
@@ -110,6 +113,14 @@ def _numbers(name: str, text: str | None, count: int, wrong: list[str]) -> tuple
     return values
 
 
+def _place(text: str, port: int) -> tuple[str, int]:
+    """Address and port of a device; the port is that of its kind unless given."""
+    address, _, given = text.partition(":")
+    if given and not given.isdigit():
+        raise EmulatorError(f"{text} has no port behind its colon, expected a number")
+    return address, int(given) if given else port
+
+
 def _world(options: argparse.Namespace, area: tuple[float, ...] | None) -> SimConfig | None:
     if options.objects is None:
         return None
@@ -119,7 +130,8 @@ def _world(options: argparse.Namespace, area: tuple[float, ...] | None) -> SimCo
     return SimConfig(
         objects=options.objects,
         objects_per_scene=options.objects_per_scene,
-        gripper=options.gripper,
+        # The RG2 opens wider than the smaller of the simulator's grippers.
+        gripper=options.gripper if options.rg2 is None else "2f-140",
         workspace=workspace,
     )
 
@@ -127,7 +139,7 @@ def _world(options: argparse.Namespace, area: tuple[float, ...] | None) -> SimCo
 def _camera(options: argparse.Namespace, mount: tuple[float, ...] | None) -> CameraSettings | None:
     if options.camera is None:
         return None
-    address, _, port = options.camera.partition(":")
+    address, port = _place(options.camera, CAMERA_PORT)
     camera = D435_ON_GRIPPER
     if mount is not None:
         camera = MountedCamera(
@@ -140,7 +152,7 @@ def _camera(options: argparse.Namespace, mount: tuple[float, ...] | None) -> Cam
     noise = None
     if options.depth_noise > 0:
         noise = DepthNoise(subpixel_px=options.depth_noise, seed=options.seed)
-    return CameraSettings(address=address, port=int(port) if port else CAMERA_PORT, mount=camera, depth_noise=noise)
+    return CameraSettings(address=address, port=port, mount=camera, depth_noise=noise)
 
 
 if __name__ == "__main__":

@@ -45,7 +45,11 @@ def run(launch: Launch, announce: Callable[[Mapping[str, object]], None]) -> Non
         EmulatorError: An address or a port cannot be had.
         CollectionError: The world cannot be made.
     """
-    world: World = BareWorld() if launch.world is None else PhysicalWorld(launch.world, launch.rig.seed)
+    world: World = (
+        BareWorld(0.085 if launch.rig.rg2 is None else 0.14)
+        if launch.world is None
+        else PhysicalWorld(launch.world, launch.rig.seed)
+    )
     asyncio.run(_serve(launch, world, announce))
 
 

@@ -17,6 +17,7 @@ from handsight.collection.ur10.emulator.generation import Generation
 from handsight.collection.ur10.emulator.gripper import Gripper
 from handsight.collection.ur10.emulator.network import Network
 from handsight.collection.ur10.emulator.physics import PhysicalWorld
+from handsight.collection.ur10.emulator.rg2 import Rg2
 from handsight.collection.ur10.emulator.rtde import RtdeServer
 from handsight.collection.ur10.emulator.script_port import ScriptPort
 from handsight.collection.ur10.emulator.world import World
@@ -33,6 +34,8 @@ class RigSettings:
     """How many times faster than the wall's the robot's clock may run."""
     seed: int = 0
     true_payload_kg: float = 1.3
+    rg2: tuple[str, int] | None = None
+    """Address and port of an OnRobot RG2, which then takes the place of the Robotiq."""
     faults_per_hour: float = 0.0
     """Faults at random, in an hour of robot time."""
     camera: CameraSettings | None = None
@@ -53,7 +56,13 @@ class EmulatedRig:
         self.dashboard = Dashboard(self.robot, self.network)
         self.rtde = RtdeServer(self.robot, self.network)
         self.scripts = ScriptPort(self.robot, self.network)
-        self.gripper = Gripper(self.robot, world, self.network)
+        # The Compute Box has an address of its own; what cuts off the robot leaves it alone.
+        self._box = Network(settings.rg2[0]) if settings.rg2 is not None else None
+        self.gripper: Gripper | Rg2
+        if self._box is not None and settings.rg2 is not None:
+            self.gripper = Rg2(world, self._box, settings.rg2[1])
+        else:
+            self.gripper = Gripper(self.robot, world, self.network)
         self.clock = Clock(settings.speed)
         self.camera: Camera | None = None
         if settings.camera is not None and isinstance(world, PhysicalWorld):
@@ -70,6 +79,8 @@ class EmulatedRig:
             OSError: An address or port cannot be had.
         """
         await self.network.open()
+        if self._box is not None:
+            await self._box.open()
         if self.camera is not None:
             await self.camera.network.open()
 
@@ -106,6 +117,8 @@ class EmulatedRig:
     def close(self) -> None:
         """Stop listening."""
         self.network.close()
+        if self._box is not None:
+            self._box.close()
         if self.camera is not None:
             self.camera.network.close()
 
