@@ -174,8 +174,16 @@ class ArmClient:
         return now
 
     def inside_limits(self, pose: Sequence[float]) -> bool:
-        """Whether the controller's own safety planes and joint limits allow a pose."""
-        return bool(self._ready().isPoseWithinSafetyLimits(list(pose)))
+        """Whether the controller's own safety planes and joint limits allow a pose.
+
+        Raises:
+            RobotStoppedError: The arm is stopped.
+        """
+        inside = bool(self._ready().isPoseWithinSafetyLimits(list(pose)))
+        if not inside:
+            # An arm that is stopped answers no to everything.
+            self._refuse_stopped(self.fresh_state())
+        return inside
 
     def move_line(self, pose: Sequence[float], speed_m_s: float, acceleration_m_s2: float) -> ArmState:
         """Go there in a straight line and stand; returns where the arm then is.

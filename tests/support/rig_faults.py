@@ -154,7 +154,7 @@ class Matrix:
             verdict.wrong.append(f"attempt {attempt.number} is labelled {attempt.outcome.name}, held in truth: {held}")
 
     def _check_kept(self, verdict: Verdict) -> None:
-        kept = len(GraspDataset.open(str(self.dataset))) if self.told else 0
+        kept = len(GraspDataset.open(str(self.dataset)).attempts) if self.told else 0
         if kept != len(self.told):
             verdict.wrong.append(f"{len(self.told)} attempts were told of, {kept} are kept")
 
