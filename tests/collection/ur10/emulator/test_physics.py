@@ -128,6 +128,15 @@ def test_what_left_the_table_is_put_back_on_request(rig: EmulatedRig, world: Phy
     assert world.refill() == 0
 
 
+def test_objects_are_exchanged_for_others_of_the_set(rig: EmulatedRig, world: PhysicalWorld) -> None:
+    before = world.object_ids
+    assert world.exchange() == 1
+    let_pass(rig, 3.0)
+    assert world.object_ids != before
+    assert len(world.scene.poses()) == 1
+    assert world.scene.poses()[0, 2] < 0.1  # It has come down.
+
+
 def test_physics_rests_with_the_rig(rig: EmulatedRig, world: PhysicalWorld) -> None:
     let_pass(rig, 2.0)
     steps = world.steps
