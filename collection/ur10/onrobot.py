@@ -47,7 +47,11 @@ class Rg2:
     def connect(self) -> None:
         """See :class:`~.gripper.Gripper`."""
         self.probe()
-        self.read()
+        try:
+            self.read()
+        except BaseException:
+            self.disconnect()
+            raise
 
     def open(self) -> GripResult:
         """See :class:`~.gripper.Gripper`."""

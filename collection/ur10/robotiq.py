@@ -57,9 +57,13 @@ class Robotiq:
     def connect(self) -> None:
         """Connect, and activate it where that is to be done; see :class:`~.gripper.Gripper`."""
         self._open_socket()
-        self._serial = f"{self.config.model}/{self._get('SID')}"
-        if self._get("STA") != ACTIVATED or self._get("FLT") not in HARMLESS_FAULTS:
-            self._activate()
+        try:
+            self._serial = f"{self.config.model}/{self._get('SID')}"
+            if self._get("STA") != ACTIVATED or self._get("FLT") not in HARMLESS_FAULTS:
+                self._activate()
+        except BaseException:
+            self.disconnect()
+            raise
 
     def open(self) -> GripResult:
         """See :class:`~.gripper.Gripper`."""
