@@ -23,6 +23,8 @@ from collections.abc import Callable
 LONGEST_CATCH_UP_S = 0.02
 """Robot time beyond this is given up and not caught up with [s, at factor 1]."""
 TOUCHING_N = 3.0
+CARRIED_N = 25.0
+"""Force from which on something presses on the arm, with open jaws, and with jaws that may carry something."""
 SHORTEST_SLEEP_S = 0.001
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from handsight.collection.ur10.emulator.camera import Camera, CameraSettings
 from handsight.collection.ur10.emulator.chaos import Chaos
-from handsight.collection.ur10.emulator.clock import TOUCHING_N, Clock
+from handsight.collection.ur10.emulator.clock import CARRIED_N, TOUCHING_N, Clock
 from handsight.collection.ur10.emulator.controller import Controller
 from handsight.collection.ur10.emulator.dashboard import Dashboard
 from handsight.collection.ur10.emulator.faults import Faults
@@ -86,7 +86,7 @@ class EmulatedRig:
 
     async def run(self) -> None:
         """Let time pass, for ever."""
-        await self.clock.run(self.step, self.show, self.robot.period_s, self._attentive, self._take_factor)
+        await self.clock.run(self.step, self.show, self.robot.period_s, self.attentive, self._take_factor)
 
     def step(self) -> None:
         """One control period of everything."""
@@ -106,10 +106,13 @@ class EmulatedRig:
         self.step()
         self.show(now_s)
 
-    def _attentive(self) -> bool:
+    def attentive(self) -> bool:
+        """Whether something happens that a client must see in real time."""
         if not self.robot.interruptible:
             return False
-        return float(np.abs(self.world.contact_n).max()) > TOUCHING_N
+        # What closed jaws carry weighs on the arm all the time.
+        limit_n = CARRIED_N if self.gripper.closed else TOUCHING_N
+        return float(np.abs(self.world.contact_n).max()) > limit_n
 
     def _take_factor(self, factor: float) -> None:
         self.robot.clock_factor = max(factor, 1.0)
