@@ -292,7 +292,7 @@ class ArmClient:
                 return state
             if bool(np.any(np.abs(state.joints_rad) > JOINT_LIMITS_RAD)):
                 control.stopL(2.0)
-                raise RobotStoppedError("a joint came to its limit: unwind the arm with 'handsight rig home'")
+                raise RobotStoppedError("a joint came to its limit: unwind the arm by way of 'rig home'")
             recent.append(control.getAsyncOperationProgress() < 0)
             if all(recent) and len(recent) == recent.maxlen and state.speed_m_s < STILL_M_S:
                 return state

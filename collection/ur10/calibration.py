@@ -117,8 +117,7 @@ def load_calibration(path: Path) -> Calibration:
         return _from_json(values)
     except (KeyError, TypeError, ValueError, CameraModelError) as error:
         raise RigSettingsError(
-            f"calibration {path} is damaged ({type(error).__name__}: {error}): calibrate anew with 'handsight rig "
-            "calibrate'"
+            f"calibration {path} is damaged ({type(error).__name__}: {error}): calibrate anew with 'rig calibrate'"
         ) from error
 
 
@@ -141,7 +140,7 @@ def check_calibration(calibration: Calibration, path: Path, serial: str) -> Came
     """
     found = calibration.camera
     if found is None:
-        raise RigSettingsError(f"{path} has no camera calibration: run 'handsight rig calibrate camera' first")
+        raise RigSettingsError(f"{path} has no camera calibration: run 'rig calibrate camera' first")
     faults = []
     if serial and found.serial != serial:
         faults.append(f"it is of the camera {found.serial}, and the rig has {serial}")
@@ -149,7 +148,7 @@ def check_calibration(calibration: Calibration, path: Path, serial: str) -> Came
     if turn_rad > MOST_TURN_RAD:
         faults.append(f"the camera is turned by {turn_rad:.2f} rad against the tool, expected at most {MOST_TURN_RAD}")
     if faults:
-        raise RigSettingsError(f"calibration {path}: {'; '.join(faults)}; run 'handsight rig calibrate camera'")
+        raise RigSettingsError(f"calibration {path}: {'; '.join(faults)}; run 'rig calibrate camera'")
     return found
 
 

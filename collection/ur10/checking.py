@@ -130,7 +130,7 @@ def _camera(rig: RigConfig) -> Iterator[Finding]:
 def _calibration(rig: RigConfig) -> Iterator[Finding]:
     calibration = load_calibration(rig.calibration)
     for part, measured in (("table", calibration.table), ("gripper", calibration.jaws)):
-        found = f"of {measured.date}" if measured else f"not yet: 'handsight rig calibrate {part}'"
+        found = f"of {measured.date}" if measured else f"not yet: 'rig calibrate {part}'"
         yield Finding(device="calibration", what=part, ok=measured is not None, found=found)
     try:
         camera = check_calibration(calibration, rig.calibration, rig.camera.serial)

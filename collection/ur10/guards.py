@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handsight.collection.ur10.rig import GuardConfig
+from handsight.datasets.errors import counted
 from handsight.datasets.records import GraspAttempt
 from handsight.servoing.camera import HandCamera
 
@@ -90,11 +91,11 @@ class SuccessWindow:
         labelled = [seen for seen in self._recent if seen.labelled]
         aborted = 1.0 - len(labelled) / len(self._recent)
         if aborted > config.most_aborted:
-            return f"{aborted:.0%} of the last {len(self._recent)} attempts carry no label: look at the log"
+            return f"{aborted:.0%} of the last {counted(len(self._recent), 'attempt')} carry no label: look at the log"
         rate = sum(seen.success for seen in labelled) / max(len(labelled), 1)
         if rate < config.least_success:
             return (
-                f"{rate:.1%} of the last {len(labelled)} grasps succeeded, expected at least "
+                f"{rate:.1%} of the last {counted(len(labelled), 'grasp')} succeeded, expected at least "
                 f"{config.least_success:.1%}: look at objects, gripper and camera"
             )
         return ""

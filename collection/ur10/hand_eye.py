@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from handsight.collection.errors import RigSettingsError
 from handsight.collection.ur10.rig import BoardConfig
+from handsight.datasets.errors import counted
 from handsight.servoing.camera import Intrinsics
 
 LEAST_VIEWS = 6
@@ -78,8 +79,8 @@ def solve_hand_eye(poses_base_tool: Sequence[Pose], poses_camera_board: Sequence
     """
     if len(poses_base_tool) < LEAST_VIEWS:
         raise RigSettingsError(
-            f"the board was seen in {len(poses_base_tool)} views, expected at least {LEAST_VIEWS}: light it evenly, "
-            "and lay it in the middle of the workspace"
+            f"the board was seen in {counted(len(poses_base_tool), 'view')}, expected at least {LEAST_VIEWS}: "
+            "light it evenly, and lay it in the middle of the workspace"
         )
     pairs = [
         (_inverse(poses_base_tool[j]) @ poses_base_tool[i], poses_camera_board[j] @ _inverse(poses_camera_board[i]))

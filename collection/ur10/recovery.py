@@ -68,7 +68,7 @@ class Recovery:
             try:
                 self._climb(cause)
             except PoseRefusedError as error:
-                raise RigPausedError(f"{error}; free the arm by hand, then go on with 'handsight rig home'") from error
+                raise RigPausedError(f"{error}; free the arm by hand, then go on with 'rig home'") from error
             except DeviceError as error:
                 self._log.note("recovery step failed", error=str(error))
                 if not left:

@@ -40,6 +40,7 @@ from handsight.collection.ur10.poses import matrix_of
 from handsight.collection.ur10.recovery import Recovery
 from handsight.collection.ur10.rectify import Rectifier
 from handsight.collection.ur10.rig import RigConfig
+from handsight.datasets.errors import counted
 from handsight.datasets.records import RgbdFrame, StationSpec
 from handsight.servoing.planar import PlanarPose
 
@@ -148,8 +149,7 @@ class Ur10Station:
         found = self.camera.description()
         if found.serial != serial:
             raise RigSettingsError(
-                f"the camera on the rig is {found.serial}, and {serial} was calibrated: run 'handsight rig calibrate "
-                "camera'"
+                f"the camera on the rig is {found.serial}, and {serial} was calibrated: run 'rig calibrate camera'"
             )
 
     @property
@@ -370,7 +370,7 @@ class Ur10Station:
         if abs(drift) > 3 * max(self._rig.gripper.margin_counts, 1):
             raise RigPausedError(
                 f"the jaws close at {found} counts, calibrated were {self._rig.gripper.closed_count}: look at the "
-                "pads, then run 'handsight rig calibrate gripper'"
+                "pads, then run 'rig calibrate gripper'"
             )
         self.gripper.closed_count = found
 
@@ -390,7 +390,8 @@ class Ur10Station:
         self._empty_looks = self._empty_looks + 1 if height_m < guards.objects_height_m else 0
         if self._empty_looks >= guards.empty_looks:
             raise RigPausedError(
-                f"nothing on the table stands higher than {height_m:.3f} m in {self._empty_looks} pictures: refill it"
+                f"nothing on the table stands higher than {height_m:.3f} m in {counted(self._empty_looks, 'picture')}: "
+                "refill it"
             )
 
     @contextmanager

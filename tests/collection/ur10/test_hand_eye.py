@@ -90,7 +90,7 @@ def test_a_calibration_is_the_same_after_it_was_kept(tmp_path: Path) -> None:
 
 def test_nothing_measured_yet_is_no_error_until_it_is_needed(tmp_path: Path) -> None:
     assert load_calibration(tmp_path / "none.json") == Calibration()
-    with pytest.raises(RigSettingsError, match="run 'handsight rig calibrate camera' first"):
+    with pytest.raises(RigSettingsError, match="run 'rig calibrate camera' first"):
         check_calibration(Calibration(), tmp_path / "none.json", "")
 
 
