@@ -127,6 +127,7 @@ NOUNS = (
         ),
         kept="what was decided is committed",
     ),
+    LazyCommand("rig", "rig.app:rig_app", "A UR10 rig: check, calibrate, home it, or emulate it."),
     LazyCommand("objects", "objects:objects_app", "Object sets of the simulated station."),
 )
 _COMPLETE = "_HANDSIGHT_COMPLETE"

@@ -11,13 +11,14 @@ import typer
 from handsight.cli.completion import words
 from handsight.cli.interrupts import INTERRUPTED
 from handsight.cli.lazy import LazyCommand, LazyGroup, lazy_app
-from handsight.cli.opening import check_out_file, check_target
+from handsight.cli.opening import check_out_file, check_rig_file, check_target
 from handsight.cli.options import (
     DEFAULT_GRIPPER,
     DEFAULT_METHOD,
     DEFAULT_THRESHOLD,
     METHOD_NAMES,
     MOST_ATTEMPTS,
+    RIG_THRESHOLD,
     TRAINING_OBJECTS,
     VARIED_KINDS,
     DatasetPath,
@@ -28,10 +29,11 @@ from handsight.cli.options import (
     PerScene,
     RayAddress,
     Renderer,
+    RigFile,
     Seed,
     Workers,
 )
-from handsight.cli.output import bold, console, print_json, progress_bar
+from handsight.cli.output import bold, console, errors, print_json, progress_bar
 from handsight.cli.wiring.engines import check_engine, engine_named
 from handsight.cli.wiring.policies import DEFAULT_RANDOM_SHARE, policy_named
 from handsight.datasets.errors import counted
@@ -57,6 +59,17 @@ class CollectGroup(LazyGroup):
                 "handsight collect sim more --policy servo --model runs/rgbd --vary all",
             ),
             kept="every finished attempt is committed; go on with --resume",
+        ),
+        LazyCommand(
+            "ur10",
+            "collect:collect_ur10",
+            "Collect grasps with a real rig.",
+            (
+                "handsight collect ur10 grasps --rig rig.toml -n 20000",
+                "handsight collect ur10 grasps --rig rig.toml -n 20000 --resume",
+                "handsight collect ur10 more --rig rig.toml -n 500 --policy servo --model runs/rgbd",
+            ),
+            kept="every attempt that was told of is committed; go on with --resume",
         ),
         LazyCommand(
             "picture",
@@ -150,6 +163,70 @@ def collect_sim(
             bold(dataset),
             f": session {report.session} holds {held}, {added} of them new, {report.successes} of these successful",
         )
+
+
+def collect_ur10(
+    dataset: DatasetPath,
+    rig: RigFile,
+    attempts: Annotated[int, typer.Option("--attempts", "-n", max=MOST_ATTEMPTS, help="Length of the session.")] = 600,
+    seed: Seed = 0,
+    policy: Annotated[
+        Literal["uniform", "servo"], typer.Option(help="Who chooses where to grasp: chance, or a trained network.")
+    ] = "uniform",
+    model: Annotated[Path | None, typer.Option(metavar="RUN", help="Network of the servo policy.")] = None,
+    method: Annotated[
+        str | None,
+        typer.Option(
+            help=f"Servo method of the servo policy; {DEFAULT_METHOD} unless given.",
+            autocompletion=words(*METHOD_NAMES),
+        ),
+    ] = None,
+    random_share: Annotated[
+        float | None,
+        typer.Option(
+            help=f"Share of attempts left to chance by the servo policy; {DEFAULT_RANDOM_SHARE} unless given."
+        ),
+    ] = None,
+    threshold: Annotated[
+        float | None,
+        typer.Option(help=f"Predicted success at which the servo policy grasps; {RIG_THRESHOLD} unless given."),
+    ] = None,
+    pregrasp_picture: Annotated[
+        bool, typer.Option("--pregrasp-picture", help="Also record a picture at the pre-grasp pose.")
+    ] = False,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with an interrupted session.")] = False,
+    as_json: Json = False,
+) -> None:
+    """Collect grasps with a UR10, unattended (section V-C); creates a missing dataset.
+
+    Every attempt is committed before the next one begins. The rig recovers by itself from what it may; where a person
+    has to come it sounds the alarm of its file and ends with exit status 1, and --resume goes on.
+    """
+    check_rig_file(rig)
+    check_target(dataset)
+    if policy == "servo" and threshold is None:
+        threshold = RIG_THRESHOLD
+    chosen = policy_named(policy, model=model, method=method, random_share=random_share, threshold=threshold)
+    from handsight.collection.collector import CollectSettings
+
+    settings = CollectSettings(
+        attempts=attempts, seed=seed, workers=1, policy=chosen, pregrasp_picture=pregrasp_picture
+    )
+    from handsight.cli.wiring.rigs import collect_with_rig, rig_station
+
+    report = collect_with_rig(dataset, rig_station(rig, dataset), settings, resume=resume)
+    if as_json:
+        print_json(report)
+    else:
+        added = report.attempts - report.resumed_from
+        held = counted(report.attempts, "attempt")
+        console.print(
+            bold(dataset),
+            f": session {report.session} holds {held}, {added} of them new, {report.successes} of these successful",
+        )
+    if report.paused:
+        errors.print(f"paused: {report.paused}")
+        raise typer.Exit(1)
 
 
 def collect_picture(

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
 from handsight.cli.completion import complete_object_sets, words
 from handsight.cli.errors import CommandError
-from handsight.cli.opening import check_folder, check_out_file
+from handsight.cli.opening import check_folder, check_out_file, check_rig_file
 from handsight.cli.options import (
     DEFAULT_GRIPPER,
     DEFAULT_THRESHOLD,
@@ -18,6 +18,7 @@ from handsight.cli.options import (
     METHOD_NAMES,
     MOST_TRIALS,
     NOVEL_OBJECTS,
+    RIG_THRESHOLD,
     EngineName,
     Gripper,
     Json,
@@ -25,13 +26,15 @@ from handsight.cli.options import (
     LiveUrl,
     Model,
     RayAddress,
-    Threshold,
     TrialSeed,
     Workers,
 )
 from handsight.cli.output import errors, print_json
 from handsight.cli.wiring.engines import check_engine, engine_named
 from handsight.training.run_folder import check_finished_run
+
+if TYPE_CHECKING:
+    from handsight.collection.ur10.station import Ur10StationFactory
 
 
 def evaluate_command(
@@ -53,9 +56,18 @@ def evaluate_command(
     trials: Annotated[
         int, typer.Option("--trials", "-n", max=MOST_TRIALS, help="Trials of each method on each object set.")
     ] = 100,
-    station: Annotated[Literal["sim"], typer.Option(help="Where to try.")] = "sim",
+    station: Annotated[Literal["sim", "ur10"], typer.Option(help="Where to try.")] = "sim",
+    rig: Annotated[
+        Path | None, typer.Option("--rig", metavar="FILE", help="The rig's file, for --station ur10; see docs/rig.md.")
+    ] = None,
     gripper: Gripper = DEFAULT_GRIPPER,
-    threshold: Threshold = DEFAULT_THRESHOLD,
+    threshold: Annotated[
+        float | None,
+        typer.Option(
+            help=f"Predicted success at which the grasp is executed; unless given {DEFAULT_THRESHOLD}, and "
+            f"{RIG_THRESHOLD} on a rig."
+        ),
+    ] = None,
     seed: TrialSeed = EVALUATION_SEED,
     workers: Workers = 2,
     against: Annotated[
@@ -103,6 +115,14 @@ def evaluate_command(
     """Compare servo methods on the same scenes and starting poses (section V-B.2)."""
     check_engine(engine, ray_address)
     check_finished_run(model)
+    if (rig is None) != (station == "sim"):
+        raise CommandError(
+            "--rig goes with --station ur10" if station == "sim" else "--station ur10 needs the rig's file: --rig FILE"
+        )
+    if rig is not None:
+        check_rig_file(rig)
+    if rig is not None and disturb is not None:
+        raise CommandError("--disturb is of the simulated station: no rig is disturbed on purpose")
     if out is not None:
         check_out_file(out)
     if figures is not None:
@@ -121,8 +141,8 @@ def evaluate_command(
         methods=tuple(METHODS if methods is None else method_names(methods)),
         trials=trials,
         seed=seed,
-        workers=workers,
-        servo=ServoSettings(threshold=threshold),
+        workers=workers if rig is None else 1,
+        servo=ServoSettings(threshold=_threshold(threshold, rig)),
     )
     check_reference(against, settings.methods)
     disturbance = None if disturb is None else Disturbance.parse(disturb)
@@ -137,6 +157,7 @@ def evaluate_command(
             out=out,
             against=against,
             disturbance=disturbance,
+            rig=None if rig is None else _rig_station(rig),
             watch=watch,
             engine=started,
         )
@@ -155,6 +176,18 @@ def evaluate_command(
     if results["fault"] is not None:
         errors.print(f"error: {results['fault']}")
         raise typer.Exit(1)
+
+
+def _threshold(given: float | None, rig: Path | None) -> float:
+    if given is not None:
+        return given
+    return DEFAULT_THRESHOLD if rig is None else RIG_THRESHOLD
+
+
+def _rig_station(rig: Path) -> Ur10StationFactory:
+    from handsight.cli.wiring.rigs import rig_station
+
+    return rig_station(rig, rig.parent)
 
 
 def _check_figure(figure: Path, methods: tuple[str, ...]) -> None:

@@ -102,3 +102,13 @@ def check_folder(option: str, path: Path) -> None:
     """
     if (fault := folder_fault(path)) is not None:
         raise CommandError(f"{option} is {path}, and {fault}: choose another folder")
+
+
+def check_rig_file(path: Path) -> None:
+    """Refuse a rig's file that is not there, before anything that reads one is imported.
+
+    Raises:
+        CommandError: It is no file.
+    """
+    if not path.is_file():
+        raise CommandError(f"{path} is no file, expected the rig's file: docs/rig.md has one to begin with")

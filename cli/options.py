@@ -34,6 +34,8 @@ DEFAULT_METHOD = "global"
 """How a network servoes unless another method is named."""
 DEFAULT_THRESHOLD = 0.95
 """Predicted success at which is grasped; ``ServoSettings`` has it too, and a test that they agree."""
+RIG_THRESHOLD = 0.85
+"""The same on a rig (section V-C)."""
 EVALUATION_SEED = 1_000_000
 """Where trials begin; ``EvaluationSettings`` has it too, and a test that they agree."""
 
@@ -159,5 +161,8 @@ Renderer = Annotated[
         "where it is a tenth faster.",
     ),
 ]
+
+# The real rig.
+RigFile = Annotated[Path, typer.Option("--rig", metavar="FILE", help="The rig's file; see docs/rig.md.")]
 
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON value instead of text.")]

@@ -122,7 +122,7 @@ def collect(
         WorkerDiedError: Workers died over the same attempt again and again; what was finished is committed.
         KeyboardInterrupt: Passed on, like any other error of stations, after what was finished has been committed.
     """
-    writer = _open_writer(repository, session_header(factory, settings), resume=resume)
+    writer = open_writer(repository, session_header(factory, settings), resume=resume)
     resumed_from = writer.next_number
     work = partial(_attempt, settings=settings)
     numbers = range(resumed_from, settings.attempts)
@@ -143,7 +143,12 @@ def collect(
     )
 
 
-def _open_writer(repository: GraspRepository, header: SessionHeader, *, resume: bool) -> SessionWriter:
+def open_writer(repository: GraspRepository, header: SessionHeader, *, resume: bool) -> SessionWriter:
+    """The writer of a new session, or with ``resume`` of the one that this header had before.
+
+    Raises:
+        SessionConflictError: The dataset already holds this session and ``resume`` is not set.
+    """
     from handsight.datasets.writing.writer import SessionWriter  # once there is something to write; see above
 
     if resume:

@@ -29,6 +29,7 @@ _TYPES: Final[dict[str, tuple[type, ...]]] = {
     "float": (int, float, type(None)),
     "float | None": (int, float, type(None)),
     "bool | None": (bool, type(None)),
+    "tuple[tuple[float, ...], ...]": (list,),
 }
 
 
@@ -146,10 +147,20 @@ def _trials(path: Path, lines: list[str]) -> dict[str, list[Trial]]:
 def _trial_from_json(record: dict[str, Any]) -> Trial | None:
     """The trial that a line holds; None where it holds none."""
     kinds = {field.name: str(field.type) for field in fields(Trial)}
+    record = {"steps": [], **record}  # Older journals have none.
     if record.keys() != kinds.keys() or any(type(record[name]) not in _TYPES[kinds[name]] for name in kinds):
         return None
+    steps = _steps_from_json(record["steps"])
+    if steps is None:
+        return None
     missing = {name: math.nan for name, kind in kinds.items() if kind == "float" and record[name] is None}
-    return Trial(**{**record, **missing})
+    return Trial(**{**record, **missing, "steps": steps})
+
+
+def _steps_from_json(values: list[Any]) -> tuple[tuple[float, ...], ...] | None:
+    if not all(isinstance(step, list) and all(type(value) in (int, float) for value in step) for step in values):
+        return None
+    return tuple(tuple(map(float, step)) for step in values)
 
 
 def _json(line: str) -> dict[str, Any] | None:

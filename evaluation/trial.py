@@ -3,7 +3,8 @@
 A trial is either counted or aborted, and the line between them is the descent. What goes wrong before it is the fault
 of the station, of its pictures or of a network that gives no scores: the method has chosen no grasp, so that there is
 nothing to count, and the arm stays at the pre-grasp height. From the descent on the method has chosen where to grasp.
-An arm that is then blocked, and cannot be lowered or lifted, has failed for that choice, and the trial counts.
+An arm that is then blocked, and cannot be lowered or lifted, has failed for that choice, and the trial counts; a device
+of a rig that fails by itself has not, and it does not.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from handsight.collection.attempt import (
     execute_grasp,
     is_held,
 )
-from handsight.collection.errors import PhaseError
+from handsight.collection.errors import DeviceFaultError, PhaseError
 from handsight.collection.policy import UniformPolicy
 from handsight.collection.servo_policy import servo_on_station
 from handsight.collection.station import Station
@@ -64,6 +65,9 @@ class Trial:
     """The same after the lift [m]."""
     final_m: float | None = None
     """The same after the shakes, which is what the label is told from [m]."""
+    steps: tuple[tuple[float, ...], ...] = ()
+    """Every pass of the servo loop: predicted success, and the step that was chosen, dx [m], dy [m] and turn [rad]; the
+    last one chose none."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -195,10 +199,12 @@ def _aborted(number: int, method: str, error: Exception) -> Trial:
 
 
 def _grasped(progress: AttemptProgress, number: int, method: str, trace: ServoTrace | None) -> Trial:
-    """Execute the grasp from wherever the gripper stands; whatever comes of it counts."""
+    """Execute the grasp from wherever the gripper stands; what comes of it counts, unless a device failed."""
     failure = ""
     try:
         execute_grasp(progress)
+    except DeviceFaultError as error:
+        return _aborted(number, method, error)
     except PhaseError as error:
         failure = str(error)
     return Trial(
@@ -211,7 +217,15 @@ def _grasped(progress: AttemptProgress, number: int, method: str, trace: ServoTr
         truth_held=None if failure else progress.station.held_in_truth(),
         aborted=False,
         score=trace.grasp_score if trace else None,
+        steps=_steps(trace) if trace else (),
         **_readings(progress),
+    )
+
+
+def _steps(trace: ServoTrace) -> tuple[tuple[float, ...], ...]:
+    """What was predicted and chosen at each pass; see ``Trial.steps``."""
+    return tuple(
+        (float(step.score), *(map(float, step.proposal.step.tolist()) if step.proposal else ())) for step in trace.steps
     )
 
 

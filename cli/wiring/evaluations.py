@@ -15,6 +15,7 @@ from handsight.cli.wiring.stations import sim_station
 from handsight.collection.collector import StationFactory
 from handsight.collection.errors import ObjectSetError
 from handsight.collection.sim.station import SimStationFactory
+from handsight.collection.ur10.station import Ur10StationFactory
 from handsight.evaluation.disturbance import Disturbance, DisturbedFactory
 from handsight.evaluation.evaluate import EvaluationSettings, TrialContextFactory, evaluate
 from handsight.evaluation.journal import Journal, open_journal, trial_to_json
@@ -25,6 +26,9 @@ from handsight.evaluation.watching import WatcherFactory
 from handsight.jobs.engine import LOCAL, Engine
 from handsight.servoing.methods.registry import METHODS
 from handsight.training.run import load_run
+
+RIG = "rig"
+"""What stands for the object set where a rig is evaluated: nobody knows what lies on its table."""
 
 
 def object_sets(text: str, *, gripper: str = DEFAULT_GRIPPER) -> dict[str, SimStationFactory]:
@@ -59,6 +63,7 @@ def evaluate_model(
     disturbance: Disturbance | None = None,
     watch: WatcherFactory | None = None,
     engine: Engine = LOCAL,
+    rig: Ur10StationFactory | None = None,
 ) -> dict[str, Any]:
     """Run the trials behind a progress bar; returns what ``evaluate --json`` prints.
 
@@ -72,12 +77,18 @@ def evaluate_model(
         disturbance: What is wrong with the stations; each method is then tried with one look too.
         watch: Who watches the trials of each worker.
         engine: Where the workers run.
+        rig: A real rig, which takes the place of all object sets.
 
     Raises:
         ObjectSetError: Sets that cannot be used.
         JournalError: The journal is one of another evaluation, or none.
     """
-    plain = object_sets(objects, gripper=gripper)
+    plain: dict[str, StationFactory] = {}
+    if rig is None:
+        plain.update(object_sets(objects, gripper=gripper))
+    else:
+        plain[RIG] = rig
+        gripper = rig.rig.gripper.model
     stations: dict[str, StationFactory] = {
         name: station if disturbance is None else DisturbedFactory(open_station=station, disturbance=disturbance)
         for name, station in plain.items()

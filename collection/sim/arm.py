@@ -105,6 +105,16 @@ class Arm:
         self._target_rad = np.array([state[0] for state in states])
         self._command(self._target_rad, np.zeros(6))
 
+    @property
+    def joints_rad(self) -> NDArray[np.float64]:
+        """Measured joint angles [rad]. Shape (6,)."""
+        return np.array([state[0] for state in self._bullet.getJointStates(self.body, self._joints)])
+
+    def follow(self, joints_rad: NDArray[np.float64], speed_rad_s: NDArray[np.float64]) -> None:
+        """Have the motors go to these joint angles [rad], shape (6,), where somebody else plans the motion."""
+        self._target_rad = joints_rad
+        self._command(joints_rad, speed_rad_s)
+
     def _line(self, pose_base_tool: NDArray[np.float64], phase: str, slow_from_m: float) -> NDArray[np.float64]:
         """Joint angles at every tick of a straight-line move. Shape (K, 6)."""
         start = self.hand.pose_base_tool

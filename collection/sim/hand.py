@@ -108,6 +108,33 @@ class Hand:
         contacts = self._bullet.getContactPoints(bodyA=self._body)
         return float(sum(contact[9] for contact in contacts if contact[2] != self._body))
 
+    @property
+    def contact_n(self) -> NDArray[np.float64]:
+        """Resultant of what the world does to arm and hand, friction included, in the base frame [N]. Shape (3,).
+
+        What a force sensor in the flange feels beside the hand's own weight: jaws that squeeze an object cancel, and
+        its weight remains.
+        """
+        total_n = np.zeros(3)
+        for contact in self._bullet.getContactPoints(bodyA=self._body):
+            if contact[2] != self._body:
+                # Bullet's normal points at the first body, its friction is what the first body does to the second.
+                total_n += contact[9] * np.asarray(contact[7])
+                total_n -= contact[10] * np.asarray(contact[11]) + contact[12] * np.asarray(contact[13])
+        return total_n
+
+    def resist(self, force_n: float) -> None:
+        """Have the slide give way at so much [N] beside the weight of the hand, from now on."""
+        self._bullet.setJointMotorControl2(
+            self._body,
+            self._slide,
+            pybullet.POSITION_CONTROL,
+            targetPosition=0.0,
+            force=force_n,
+            positionGain=0.3,
+            velocityGain=1.0,
+        )
+
     def touches(self, body: int) -> bool:
         """Whether a finger presses on an object."""
         contacts = self._bullet.getContactPoints(bodyA=self._body, bodyB=body)
@@ -116,12 +143,4 @@ class Hand:
     def extend(self) -> None:
         """Put the slide where nothing pushes it, at once."""
         self._bullet.resetJointState(self._body, self._slide, 0.0)
-        self._bullet.setJointMotorControl2(
-            self._body,
-            self._slide,
-            pybullet.POSITION_CONTROL,
-            targetPosition=0.0,
-            force=self._config.yield_force_n,
-            positionGain=0.3,
-            velocityGain=1.0,
-        )
+        self.resist(self._config.yield_force_n)

@@ -75,3 +75,9 @@ def _unwrap(solutions: NDArray[np.float64], near_rad: NDArray[np.float64]) -> ND
 def _on_branch(joints_rad: NDArray[np.float64]) -> bool:
     """Elbow up and wrist unflipped, the signs of ``REFERENCE_RAD``."""
     return bool(joints_rad[2] > 0 and joints_rad[4] < 0)
+
+
+def flange_pose(joints_rad: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Pose of the flange in the base frame at these joint angles [rad], shape (6,). Shape (4, 4)."""
+    pose_base_flange: NDArray[np.float64] = np.asarray(_UR10.fwdKin(joints_rad), dtype=np.float64)
+    return pose_base_flange

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,7 +36,7 @@ class Scene:
         """Load ``models`` above the table, each in a random pose inside the workspace."""
         for model, position in zip(models, self._positions(len(models), rng), strict=True):
             body = self._bullet.loadURDF(
-                str(model.urdf), position.tolist(), _random_rotation(rng), globalScaling=model.scale
+                str(model.urdf), position.tolist(), random_rotation(rng), globalScaling=model.scale
             )
             # Stock blocks roll for seconds: a little rolling friction and damping, as real things have, ends it.
             self._bullet.changeDynamics(
@@ -76,7 +77,7 @@ class Scene:
         limit = round(self._config.settle_limit_s * self._config.physics_hz)
         for tick in range(1, limit + 1):
             self._bullet.stepSimulation()
-            if tick % CHECK_EVERY_TICKS == 0 and all(map(self._rests, self.bodies)):
+            if tick % CHECK_EVERY_TICKS == 0 and all(map(self.rests, self.bodies)):
                 break
         else:
             raise SceneUnsettledError(f"objects still moved after {self._config.settle_limit_s:g} s")
@@ -92,8 +93,14 @@ class Scene:
         """Let every object that rests sleep until something touches it."""
         sleeping = pybullet.ACTIVATION_STATE_ENABLE_SLEEPING | pybullet.ACTIVATION_STATE_SLEEP
         for body in self.bodies:
-            if self._rests(body):
+            if self.rests(body):
                 self._bullet.changeDynamics(body, -1, activationState=sleeping)
+
+    def put(self, body: int, position_m: Sequence[float], orientation: Sequence[float]) -> None:
+        """Put an object somewhere at once, at rest and awake; the orientation is a quaternion x y z w."""
+        self._bullet.resetBasePositionAndOrientation(body, position_m, orientation)
+        self._bullet.resetBaseVelocity(body, (0, 0, 0), (0, 0, 0))
+        self._bullet.changeDynamics(body, -1, activationState=pybullet.ACTIVATION_STATE_WAKE_UP)
 
     def nearest(self, point_m: tuple[float, float]) -> int:
         """The body whose centre of mass is nearest to a point (x, y) of the table [m]."""
@@ -122,7 +129,8 @@ class Scene:
         self._bullet.resetBaseVelocity(body, (0, 0, 0), (0, 0, 0))
         return ticks
 
-    def _rests(self, body: int) -> bool:
+    def rests(self, body: int) -> bool:
+        """Whether an object stands still, or nearly."""
         linear, angular = self._bullet.getBaseVelocity(body)
         return math.hypot(*linear) <= RESTING_SPEED_M_S and math.hypot(*angular) <= RESTING_SPIN_RAD_S
 
@@ -132,7 +140,7 @@ class Scene:
         return np.array([(*position, *orientation) for position, orientation in states]).reshape(-1, 7)
 
 
-def _random_rotation(rng: np.random.Generator) -> tuple[float, float, float, float]:
+def random_rotation(rng: np.random.Generator) -> tuple[float, float, float, float]:
     """A uniformly distributed unit quaternion."""
     x, y, z, w = rng.normal(size=4)
     norm = math.sqrt(x * x + y * y + z * z + w * w)

@@ -1,0 +1,1 @@
+"""``handsight rig``: the real rig, and an emulated one."""

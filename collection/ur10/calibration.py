@@ -1,0 +1,197 @@
+"""What was measured of a rig, kept in one file: hand-eye, table plane and jaws, each with id, date and residuals.
+
+Every attempt carries it, through the configuration of its session; a rig with another camera or arm than the one that
+was measured does not move.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields, replace
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from handsight.collection.errors import RigSettingsError
+from handsight.collection.ur10.logs import now
+from handsight.datasets.atomic import write_text
+from handsight.servoing.camera import HandCamera, Intrinsics
+from handsight.servoing.errors import CameraModelError
+
+MOST_TURN_RAD = 0.26
+"""A camera that is turned further against the tool is mounted in another way than we think."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CameraCalibration:
+    """Where the camera sits in the tool frame."""
+
+    date: str
+    serial: str
+    intrinsics: Intrinsics
+    depth_scale_m: float
+    translation_m: tuple[float, float, float]
+    """Camera centre in the tool frame."""
+    rotation_rad: tuple[float, float, float]
+    """Rotation vector that maps camera axes to tool axes."""
+    residual_m: float
+    residual_rad: float
+    """RMS spread of the board's pose in the base frame, over the views."""
+    views: int
+    robot: str = ""
+    """Serial number of the arm that moved."""
+
+    @property
+    def rotation(self) -> NDArray[np.float64]:
+        """Camera axes in the tool frame. Shape (3, 3)."""
+        return np.asarray(cv2.Rodrigues(np.asarray(self.rotation_rad, dtype=np.float64))[0], dtype=np.float64)
+
+    @property
+    def camera(self) -> HandCamera:
+        """The camera of rectified pictures: at the same place, its axes parallel to the tool's."""
+        x_m, y_m, z_m = self.translation_m
+        return HandCamera(intrinsics=self.intrinsics, x_tool_camera_m=x_m, y_tool_camera_m=y_m, z_tool_camera_m=z_m)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TableCalibration:
+    """The table top, touched at several points."""
+
+    date: str
+    height_m: float
+    """In the controller's base frame, in the middle of the workspace."""
+    tilt_rad: float
+    residual_m: float
+    points: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JawCalibration:
+    """Raw readings of the empty jaws."""
+
+    date: str
+    open_count: int
+    closed_count: int
+    spread: int
+    """Difference between the readings of the closed jaws."""
+    pad_width_m: float
+    pad_length_m: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Calibration:
+    """Everything that was measured so far."""
+
+    camera: CameraCalibration | None = None
+    table: TableCalibration | None = None
+    jaws: JawCalibration | None = None
+
+    @property
+    def id(self) -> str:
+        """Of these values: twelve hexadecimal digits."""
+        return hashlib.sha256(json.dumps(asdict(self), sort_keys=True).encode()).hexdigest()[:12]
+
+    def to_json(self) -> dict[str, Any]:
+        """All of it as JSON values, with its id."""
+        return {"id": self.id, **{name: value for name, value in asdict(self).items() if value is not None}}
+
+
+def load_calibration(path: Path) -> Calibration:
+    """Read a file; one that is not there is a rig of which nothing was measured.
+
+    Raises:
+        RigSettingsError: The file is damaged, or is none of ours.
+    """
+    try:
+        values = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return Calibration()
+    except (OSError, ValueError) as error:
+        raise RigSettingsError(f"calibration {path} cannot be read: {error}") from error
+    try:
+        return _from_json(values)
+    except (KeyError, TypeError, ValueError, CameraModelError) as error:
+        raise RigSettingsError(
+            f"calibration {path} is damaged ({type(error).__name__}: {error}): calibrate anew with 'rig calibrate'"
+        ) from error
+
+
+def save_calibration(path: Path, calibration: Calibration) -> None:
+    """Write a file, whole or not at all."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_text(path, json.dumps(calibration.to_json(), indent=2) + "\n")
+
+
+def check_calibration(calibration: Calibration, path: Path, serial: str) -> CameraCalibration:
+    """The camera's part, for the camera of this serial number.
+
+    Args:
+        calibration: What was read.
+        path: Where from.
+        serial: As rig.toml or the camera itself has it; empty asks for none.
+
+    Raises:
+        RigSettingsError: It is missing, or one of another camera, or of none that could be mounted so.
+    """
+    found = calibration.camera
+    if found is None:
+        raise RigSettingsError(f"{path} has no camera calibration: run 'rig calibrate camera' first")
+    faults = []
+    if serial and found.serial != serial:
+        faults.append(f"it is of the camera {found.serial}, and the rig has {serial}")
+    turn_rad = float(np.linalg.norm(found.rotation_rad))
+    if turn_rad > MOST_TURN_RAD:
+        faults.append(f"the camera is turned by {turn_rad:.2f} rad against the tool, expected at most {MOST_TURN_RAD}")
+    if faults:
+        raise RigSettingsError(f"calibration {path}: {'; '.join(faults)}; run 'rig calibrate camera'")
+    return found
+
+
+def with_part(calibration: Calibration, **part: Any) -> Calibration:
+    """A calibration with one part measured anew."""
+    return replace(calibration, **part)
+
+
+def today() -> str:
+    """The date that a measurement carries."""
+    return now()
+
+
+def _from_json(values: Mapping[str, Any]) -> Calibration:
+    if not isinstance(values, Mapping):
+        raise TypeError("it holds no object")
+    camera, table, jaws = (values.get(name) for name in ("camera", "table", "jaws"))
+    return Calibration(
+        camera=None
+        if camera is None
+        else CameraCalibration(
+            **{
+                **_known(CameraCalibration, camera),
+                "intrinsics": Intrinsics.from_json(camera["intrinsics"]),
+                "translation_m": _three(camera["translation_m"]),
+                "rotation_rad": _three(camera["rotation_rad"]),
+            }
+        ),
+        table=None if table is None else TableCalibration(**_known(TableCalibration, table)),
+        jaws=None if jaws is None else JawCalibration(**_known(JawCalibration, jaws)),
+    )
+
+
+def _known(kind: type, values: Mapping[str, Any]) -> dict[str, Any]:
+    names = {one.name for one in fields(kind)}
+    unknown = sorted(set(values) - names)
+    if unknown:
+        raise KeyError(f"unknown: {', '.join(unknown)}")
+    return dict(values)
+
+
+def _three(values: Any) -> tuple[float, float, float]:
+    x, y, z = (float(value) for value in values)
+    if not np.isfinite((x, y, z)).all():
+        raise ValueError(f"{values} is not finite")
+    return x, y, z
