@@ -43,6 +43,8 @@ class Robotiq:
         self._socket: socket.socket | None = None
         self._rest = b""
         self._serial = ""
+        self._doubtful = False
+        """Whether it failed to end a move: then only an activation is sure to help."""
 
     @property
     def serial(self) -> str:
@@ -91,7 +93,7 @@ class Robotiq:
         self._open_socket()
         if self._get("FLT") == 8:
             raise DeviceError("gripper: too hot; let it cool before it is activated again")
-        if self._get("STA") != ACTIVATED or self._get("FLT") not in HARMLESS_FAULTS:
+        if self._doubtful or self._get("STA") != ACTIVATED or self._get("FLT") not in HARMLESS_FAULTS:
             self._activate()
 
     def measure_closed(self) -> int:
@@ -125,11 +127,13 @@ class Robotiq:
         speed, force = round(255 * config.speed), round(255 * config.force)
         self._set(f"SET POS {count} SPE {speed} FOR {force} GTO 1")
         until = time.monotonic() + config.timeout_s
+        self._doubtful = True
         while self._get("PRE") != count:
             self._wait(until, f"the echo of position {count}")
         while self._get("OBJ") == MOVING:
             self._refuse_fault({"FLT": self._get("FLT"), "STA": self._get("STA")})
             self._wait(until, f"the jaws to stand, sent to {count}")
+        self._doubtful = False
         return self.read()
 
     def _activate(self) -> None:

@@ -1,4 +1,4 @@
-"""Pictures of the rig's camera: what is wrong with one, what is done about it, and a recording through the same path."""
+"""Pictures of the rig's camera: what is wrong with one, what is done about it, and a recording on the same path."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def test_depth_out_of_range_is_a_hole_and_holes_are_filled() -> None:
     raw[20, 20], raw[30, 30] = 50, 4000
     filled, valid = filled_depth(raw, 0.001, 0.1, 1.0)
     assert valid == pytest.approx(1 - 18 / 1600)
-    assert (filled == 500).all()
+    assert np.abs(filled.astype(int) - 500).max() <= 1
     assert raw[20, 20] == 50
     nothing, none_valid = filled_depth(np.zeros((4, 4), np.uint16), 0.001, 0.1, 1.0)
     assert (none_valid, nothing.max()) == (0.0, 0)
@@ -112,7 +112,9 @@ def test_the_ladder_goes_as_far_as_it_must(cure: str, did: list[str]) -> None:
     assert len(told) == (0 if not did else len([step for step in did if step != "kill"]) + 1)
 
 
-@pytest.mark.parametrize("fault", [lost, lambda: picture(9, level=0), lambda: picture(9, valid=0.0)])
+@pytest.mark.parametrize(
+    "fault", [lost, lambda: picture(9, level=0), lambda: picture(9, valid=0.0)], ids=["lost", "black", "no depth"]
+)
 def test_a_picture_that_nothing_brings_back_is_told_with_its_fault(fault: Callable[[], Picture]) -> None:
     camera, told = camera_with(Child("never", fault))
     with pytest.raises(DeviceLostError, match="no usable picture"):
@@ -160,5 +162,5 @@ def test_another_camera_than_the_rigs_is_refused() -> None:
     need_realsense()
     with running_rig("--objects", "blocks-test", "--objects-per-scene", "1", camera=True) as rig:
         camera = Camera(CameraConfig(kind="emulated", address=rig.camera, serial="42"))
-        with pytest.raises(DeviceError, match="has serial number 934222071234, and rig.toml names 42"):
+        with pytest.raises(DeviceError, match="has serial number 934222071234, and rig"):
             camera.description()
