@@ -127,6 +127,11 @@ class PhysicalWorld:
         return self._jaw_speed_m_s
 
     @property
+    def holds(self) -> bool:
+        """Whether the jaws hold something off the table."""
+        return bool(self.held())
+
+    @property
     def quiet(self) -> bool:
         """Whether nothing moves, and physics is left out."""
         return self._still_s > QUIET_AFTER_S

@@ -9,6 +9,7 @@ import pytest
 from tests.support.bare_rig import let_pass
 
 from handsight.collection.sim.config import SimConfig
+from handsight.collection.ur10.emulator.faults import Fault
 from handsight.collection.ur10.emulator.generation import E_SERIES
 from handsight.collection.ur10.emulator.motion import line_path
 from handsight.collection.ur10.emulator.physics import PhysicalWorld
@@ -98,6 +99,16 @@ def test_block_that_slips_is_read_as_lost(rig: EmulatedRig, world: PhysicalWorld
     let_pass(rig, 2.0)
     assert (rig.gripper.get("POS"), rig.gripper.get("OBJ")) == (228, 3)
     assert world.held() == []
+
+
+def test_slip_waits_until_there_is_something_to_lose(rig: EmulatedRig, world: PhysicalWorld) -> None:
+    rig.faults.arm(Fault.parse("slip@lift"))
+    x_m, y_m = block_xy_m(world)
+    assert grasp(rig, x_m, y_m + 0.12) == (228, 3)
+    assert rig.faults.fired == []
+    jaws(rig, 0)
+    assert grasp(rig, *block_xy_m(world)) == (228, 3)
+    assert [(fired.name, fired.phase) for fired in rig.faults.fired] == [("slip", "lift")]
 
 
 def test_descent_onto_a_block_is_felt(rig: EmulatedRig, world: PhysicalWorld) -> None:
