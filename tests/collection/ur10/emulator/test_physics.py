@@ -148,6 +148,19 @@ def test_objects_are_exchanged_for_others_of_the_set(rig: EmulatedRig, world: Ph
     assert world.scene.poses()[0, 2] < 0.1  # It has come down.
 
 
+@pytest.mark.parametrize("way", ["refill", "exchange"])
+def test_nothing_is_dropped_onto_the_arm(rig: EmulatedRig, world: PhysicalWorld, way: str) -> None:
+    line(rig, 0.65, 0.0, 0.15)
+    for _ in range(10):
+        world.refill(everything=True) if way == "refill" else world.exchange()
+        highest_n = 0.0
+        for _ in range(round(0.5 / rig.robot.period_s)):
+            rig.tick(0.0)
+            highest_n = max(highest_n, rig.robot.sensor.pressing_n)
+        assert highest_n < 20
+    assert rig.robot.events == []
+
+
 def test_physics_rests_with_the_rig(rig: EmulatedRig, world: PhysicalWorld) -> None:
     let_pass(rig, 2.0)
     steps = world.steps
