@@ -11,7 +11,7 @@ import typer
 from handsight.cli.completion import words
 from handsight.cli.interrupts import INTERRUPTED
 from handsight.cli.lazy import LazyCommand, LazyGroup, lazy_app
-from handsight.cli.opening import check_out_file, check_target
+from handsight.cli.opening import check_out_file, check_rig_file, check_target
 from handsight.cli.options import (
     DEFAULT_GRIPPER,
     DEFAULT_METHOD,
@@ -202,6 +202,7 @@ def collect_ur10(
     Every attempt is committed before the next one begins. The rig recovers by itself from what it may; where a person
     has to come it sounds the alarm of its file and ends with exit status 1, and --resume goes on.
     """
+    check_rig_file(rig)
     check_target(dataset)
     if policy == "servo" and threshold is None:
         threshold = RIG_THRESHOLD

@@ -93,3 +93,13 @@ def check_out_folder(path: Path) -> None:
     """
     if (fault := folder_fault(path)) is not None:
         raise CommandError(f"--out is {path}, and {fault}: choose another folder")
+
+
+def check_rig_file(path: Path) -> None:
+    """Refuse a rig's file that is not there, before anything that reads one is imported.
+
+    Raises:
+        CommandError: It is no file.
+    """
+    if not path.is_file():
+        raise CommandError(f"{path} is no file, expected the rig's file: docs/rig.md has one to begin with")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from handsight.cli.lazy import LazyCommand, LazyGroup, lazy_app
+from handsight.cli.opening import check_rig_file
 from handsight.cli.options import Json, RigFile
 from handsight.cli.output import bold, console, print_json
 
@@ -62,6 +63,7 @@ def gripper_command(rig: RigFile, as_json: Json = False) -> None:
 
 
 def _calibrate(rig: Path, part: str, *, as_json: bool) -> None:
+    check_rig_file(rig)
     from handsight.cli.wiring.rigs import calibrate, opened_rig
 
     config = opened_rig(rig)

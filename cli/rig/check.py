@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from handsight.cli.opening import check_rig_file
 from handsight.cli.options import Json, RigFile
 from handsight.cli.output import bold, console, print_json
 from handsight.cli.tables import Column, print_table
@@ -27,6 +28,7 @@ def check_command(
     The attempt of --move goes through every phase at a quarter of the speed and ends its descent 0.1 m above the table;
     it is kept in the dataset rig_check beside the rig's file.
     """
+    check_rig_file(rig)
     from handsight.cli.wiring.rigs import dry_run, opened_rig
     from handsight.collection.ur10.checking import check_rig
 

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from handsight.cli.errors import CommandError
-from handsight.cli.options import TRAINING_OBJECTS, Json, Objects, PerScene, Seed
+from handsight.cli.opening import check_rig_file
+from handsight.cli.options import TRAINING_OBJECTS, Json, Objects, PerScene, RigFile, Seed
 from handsight.cli.output import bold, console, print_json
-
-RigFile = Annotated[Path, typer.Option("--rig", metavar="FILE", help="The rig's file, with loopback addresses.")]
 
 
 def emulate_command(
@@ -51,8 +48,7 @@ def emulate_command(
 
     Whether a grasp holds is decided by physics. It runs until Ctrl-C; real client libraries connect to it as to a rig.
     """
-    if not rig.is_file():
-        raise CommandError(f"{rig} is no file, expected the rig's file")
+    check_rig_file(rig)
     from handsight.cli.wiring.emulated_rigs import emulated_rig
     from handsight.collection.ur10.emulator.launch import run
 

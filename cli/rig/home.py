@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from handsight.cli.opening import check_rig_file
 from handsight.cli.options import Json, RigFile
 from handsight.cli.output import bold, console, print_json
 
@@ -11,6 +12,7 @@ def home_command(rig: RigFile, as_json: Json = False) -> None:
 
     An emergency or safeguard stop is not: clear it at the cell.
     """
+    check_rig_file(rig)
     from handsight.cli.wiring.rigs import go_home, opened_rig
 
     pose = go_home(opened_rig(rig))

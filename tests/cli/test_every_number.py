@@ -39,6 +39,7 @@ NOTHING = {
     "clearance": "--model {nowhere}",
     "collect picture": "--out {nowhere}/x.png",
     "collect sim": "/proc/grasps",
+    "collect ur10": "/proc/grasps --rig {nowhere}",
     "dataset expire": "{nowhere} --older-than 1d",
     "dataset similar": "{nowhere} 1 --model {nowhere}",
     "demo": "--out {file}",

@@ -110,6 +110,11 @@ REFUSED = {
     "collect by a network that is not there": ("collect sim {no} --policy servo --model {no}", "is no folder"),
     "collect by chance with a network": ("collect sim {no} --model {no}", "--model goes with"),
     "collect on no cluster": ("collect sim {no} --ray-address host:1", "--ray-address host:1 goes with"),
+    "collect ur10": ("collect ur10 {no} --rig {no}", "is no file"),
+    "evaluate on a rig that is not there": ("evaluate --model {no} --station ur10", "is no folder"),
+    "rig check": ("rig check --rig {no}", "is no file"),
+    "rig calibrate": ("rig calibrate camera --rig {no}", "is no file"),
+    "rig home": ("rig home --rig {no}", "is no file"),
     "rig emulate": ("rig emulate --rig {no}", "is no file"),
     "picture": ("collect picture --out {no}.jpg", "ends in .png"),
 }

@@ -56,7 +56,7 @@ def test_depth_out_of_range_is_a_hole_and_holes_are_filled() -> None:
     raw[20, 20], raw[30, 30] = 50, 4000
     filled, valid = filled_depth(raw, 0.001, 0.1, 1.0)
     assert valid == pytest.approx(1 - 18 / 1600)
-    assert np.abs(filled.astype(int) - 500).max() <= 1
+    assert np.abs(filled.astype(int) - 500).max() <= 2
     assert raw[20, 20] == 50
     nothing, none_valid = filled_depth(np.zeros((4, 4), np.uint16), 0.001, 0.1, 1.0)
     assert (none_valid, nothing.max()) == (0.0, 0)
