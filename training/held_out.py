@@ -16,7 +16,7 @@ import torch
 from numpy.typing import NDArray
 
 from handsight.datasets.address import DatasetAddress
-from handsight.datasets.errors import DatasetError
+from handsight.datasets.errors import DatasetError, counted
 from handsight.datasets.format.schema import Viewpoint
 from handsight.datasets.inputs.materialize import usable_attempts
 from handsight.datasets.reading.reader import GraspDataset
@@ -64,7 +64,9 @@ def held_out_attempts(record: Mapping[str, Any], *, beside: GraspDataset) -> lis
     generator = torch.Generator().manual_seed(settings["seed"])
     held, _ = split_held_out(attempts, chosen, settings["holdout"], generator)
     if len(held) != expected:
-        raise HeldOutError(f"drawn again, {len(held)} inputs are held out, expected the {expected} of the record")
+        raise HeldOutError(
+            f"{counted(len(held), 'input')} would be held out, drawn again, expected the {expected} of the record"
+        )
     return list(_by_part(parts, attempts, chosen, held))
 
 

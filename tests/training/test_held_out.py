@@ -82,5 +82,5 @@ def test_what_cannot_be_told_is_said(dataset: GraspDataset, folder: Path) -> Non
     with pytest.raises(HeldOutError, match="held no attempts out"):
         held_out_attempts(none, beside=dataset)
     other = {**recorded, "settings": {**recorded["settings"], "holdout": 0.5}}
-    with pytest.raises(HeldOutError, match=r"12 inputs are held out, expected the 6"):
+    with pytest.raises(HeldOutError, match=r"12 inputs would be held out, drawn again, expected the 6"):
         held_out_attempts(other, beside=dataset)
