@@ -7,8 +7,26 @@ import numpy as np
 from handsight.datasets.records import RgbdFrame, StationSpec
 from handsight.servoing.view import View
 
+_LEAST_ZOOM = 0.3
+"""Share of its distance below which no picture is looked at from nearer."""
+
 
 def station_view(frame: RgbdFrame, station: StationSpec) -> View:
     """A recorded picture as the servoing room sees it: depth in metres."""
     depth_m = frame.depth.astype(np.float32) * np.float32(station.depth_scale_m)
     return View(rgb=frame.rgb, depth_m=depth_m, camera=station.camera)
+
+
+def grasp_plane_m(view: View, frame: RgbdFrame, station: StationSpec) -> float | None:
+    """Distance of the plane from where a network judges [m]: from the height at which grasps begin.
+
+    Overhead pictures are taken above it, and inputs are made as they would be seen from there.
+
+    Returns:
+        None where the heights recorded cannot be those of the picture, which is then judged as it is.
+
+    Raises:
+        ImageError: No pixel has a valid depth.
+    """
+    plane_m = view.plane_m - (float(frame.pose_base_tool[2, 3]) - station.pregrasp_height_m)
+    return plane_m if _LEAST_ZOOM < plane_m / view.plane_m < 1 / _LEAST_ZOOM else None

@@ -20,8 +20,8 @@ from handsight.datasets.format.schema import parse_attempt_id
 from handsight.datasets.inputs.materialize import materialize
 from handsight.datasets.reading.reader import GraspDataset
 from handsight.datasets.reading.selection import expressions, matches
-from handsight.datasets.records import RgbdFrame, StationSpec
-from handsight.datasets.views import station_view
+from handsight.datasets.records import RgbdFrame
+from handsight.datasets.views import grasp_plane_m, station_view
 from handsight.evaluation.foresight import (
     Foresight,
     calibrate,
@@ -35,7 +35,6 @@ from handsight.evaluation.temperature import Temperature
 from handsight.servoing.angle_maps import angle_maps
 from handsight.servoing.planar import PlanarPose
 from handsight.servoing.scorer import GraspScorer
-from handsight.servoing.view import View
 from handsight.training.run import TrainedRun, load_run
 from handsight.viz import palette
 from handsight.viz.examples import ForesightOverview, HeatmapExample
@@ -43,8 +42,6 @@ from handsight.viz.pixels import CENTRE_PX, PictureFrame, Step, jaw_strips
 
 MANY = 1000
 """Attempts from which on inputs are made once and kept, as for training."""
-LEAST_ZOOM = 0.3
-"""Share of its distance below which no picture is looked at from nearer."""
 SHEET = 12
 """Pictures of the overview."""
 _BATCH = 512
@@ -162,7 +159,7 @@ def _examples(
         for key, frame in dataset.frames("overhead", chosen):
             spec = dataset.station(key)
             view = station_view(frame, spec)
-            view_plane_m = _plane_where_grasps_begin(view, frame, spec)
+            view_plane_m = grasp_plane_m(view, frame, spec)
             maps = angle_maps(
                 view, scorer, angles=request.angles, spacing_px=request.spacing_px, view_plane_m=view_plane_m
             )
@@ -183,15 +180,6 @@ def _examples(
             )
             bar.advance()
     return tuple(examples)
-
-
-def _plane_where_grasps_begin(view: View, frame: RgbdFrame, spec: StationSpec) -> float | None:
-    """Distance of the plane from where the network judges [m]: pictures are taken above the height of grasps.
-
-    None where the heights recorded cannot be those of the picture, which is then judged as it is.
-    """
-    plane_m = view.plane_m - (float(frame.pose_base_tool[2, 3]) - spec.pregrasp_height_m)
-    return plane_m if LEAST_ZOOM < plane_m / view.plane_m < 1 / LEAST_ZOOM else None
 
 
 def _title(dataset: GraspDataset, attempt: str) -> str:

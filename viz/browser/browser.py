@@ -16,7 +16,7 @@ from handsight.datasets.curation.curator import Curator
 from handsight.datasets.errors import counted
 from handsight.datasets.reading.attempt_ids import short_id
 from handsight.datasets.reading.reader import GraspDataset
-from handsight.datasets.views import station_view
+from handsight.datasets.views import grasp_plane_m, station_view
 from handsight.servoing.heatmap import Heatmap, grasp_heatmap
 from handsight.servoing.scorer import GraspScorer
 from handsight.viz.browser.card import card_view, write_card
@@ -232,7 +232,9 @@ class Browser:
         heatmap: Heatmap | None = None
         scorer = self._settings.scorer
         if scorer is not None and attempt.overhead is not None:
-            heatmap = grasp_heatmap(station_view(attempt.overhead, station), scorer)
+            view = station_view(attempt.overhead, station)
+            plane_m = grasp_plane_m(view, attempt.overhead, station)
+            heatmap = grasp_heatmap(view, scorer, view_plane_m=plane_m)
         example = AttemptExample(
             name=name,
             title=row.title,
