@@ -31,6 +31,7 @@ VERTICAL_M_S = 0.008
 MOVING_M_S = 0.002
 LOOK_S = 0.3
 """A picture is being taken for so long after it was asked for."""
+SLIP = "slip"
 _CONDITION = re.compile(r"(z|force|t)\s*([<>])\s*(-?[0-9.]+)")
 KILLED = 9
 """Exit status of a process that a fault kills."""
@@ -135,6 +136,8 @@ class Faults:
             return
         phase = self.phase()
         for fault in [fault for fault in self.armed if self._due(fault, phase)]:
+            if fault.name == SLIP and not self._rig.world.holds:
+                continue  # There is nothing to lose yet.
             self.armed.remove(fault)
             self._fire(fault, phase)
 
@@ -287,7 +290,7 @@ ACTIONS: dict[str, tuple[Callable[[EmulatedRig, Fault], None], dict[str, float |
     "gripper-fault": (_gripper_fault, {"code": 8.0}),
     "gripper-silent": (_gripper_silent, {"s": 0.0}),
     "gripper-reset": (_gripper_reset, {}),
-    "slip": (_slip, {}),
+    SLIP: (_slip, {}),
     "joint-hot": (_hot, {"joint": 3.0}),
     **{
         f"camera-{kind}": (_camera(kind), {"cure": "restart"})

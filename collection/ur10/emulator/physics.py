@@ -37,6 +37,8 @@ SLEEP_EVERY_S = 0.25
 SLIP_S = 0.25
 SLIP_SPEED_M_S = 0.1
 """What slips is let go for so long, by jaws that run apart at so much each."""
+HAND_CLEARANCE_M = 0.17
+"""Objects are put so far beside the hand."""
 PLACES = 200
 """Places that are tried for an object that is put back."""
 
@@ -125,6 +127,11 @@ class PhysicalWorld:
     def jaw_speed_m_s(self) -> float:
         """Speed of the jaws against each other [m/s], of late."""
         return self._jaw_speed_m_s
+
+    @property
+    def holds(self) -> bool:
+        """Whether the jaws hold something off the table."""
+        return bool(self.held())
 
     @property
     def quiet(self) -> bool:
@@ -240,6 +247,8 @@ class PhysicalWorld:
         others = [model for model in self._models if model.object_id not in names]
         chosen = [others[index] for index in self._rng.choice(len(others), size=count, replace=False)]
         self.scene.drop(chosen, self._rng, Randomization())
+        for body in self.scene.bodies[len(kept) :]:
+            self.scene.put(body, self._free_place(body), random_rotation(self._rng))
         self.object_ids = [*names, *(model.object_id for model in chosen)]
         self._still_s = 0.0
         return count
@@ -250,12 +259,15 @@ class PhysicalWorld:
             for other, position in zip(self.scene.bodies, self.scene.poses()[:, :3], strict=True)
             if other != body
         ]
+        # Nobody drops an object onto the arm.
+        hand_xy_m = self.arm.hand.pose_base_tool[:2, 3]
         place = np.zeros(3)
         for number in range(PLACES):
             layer = number // (PLACES // 4)
             x_m, y_m = self.config.workspace.sample(self._rng)
             place = np.array([x_m, y_m, self.config.drop_height_m + layer * DROP_SPACING_M])
-            if all(np.linalg.norm(place[:2] - other[:2]) > DROP_SPACING_M for other in others):
+            clear = np.linalg.norm(place[:2] - hand_xy_m) > HAND_CLEARANCE_M
+            if clear and all(np.linalg.norm(place[:2] - other[:2]) > DROP_SPACING_M for other in others):
                 break
         return [float(value) for value in place]
 

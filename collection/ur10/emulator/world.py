@@ -40,6 +40,10 @@ class World(Protocol):
     def jaw_speed_m_s(self) -> float:
         """Speed of the jaws against each other [m/s], always positive."""
 
+    @property
+    def holds(self) -> bool:
+        """Whether the jaws hold something off the table."""
+
     def advance(self, seconds: float, joints_rad: NDArray[np.float64]) -> None:
         """Let time pass, at the end of which the joints are sent to these angles [rad], shape (6,)."""
 
@@ -66,6 +70,11 @@ class BareWorld:
         """See :class:`World`."""
         tip_z_m = tcp_pose(self.joints_rad, FLANGE_TO_TIP)[2, 3]
         return np.array([0.0, 0.0, TABLE_STIFFNESS_N_M * max(-tip_z_m, 0.0)])
+
+    @property
+    def holds(self) -> bool:
+        """See :class:`World`."""
+        return self.held_m > 0 and self.width_m <= self.held_m
 
     def advance(self, seconds: float, joints_rad: NDArray[np.float64]) -> None:
         """See :class:`World`."""

@@ -9,6 +9,7 @@ import pytest
 from tests.support.bare_rig import let_pass
 
 from handsight.collection.sim.config import SimConfig
+from handsight.collection.ur10.emulator.faults import Fault
 from handsight.collection.ur10.emulator.generation import E_SERIES
 from handsight.collection.ur10.emulator.motion import line_path
 from handsight.collection.ur10.emulator.physics import PhysicalWorld
@@ -100,6 +101,16 @@ def test_block_that_slips_is_read_as_lost(rig: EmulatedRig, world: PhysicalWorld
     assert world.held() == []
 
 
+def test_slip_waits_until_there_is_something_to_lose(rig: EmulatedRig, world: PhysicalWorld) -> None:
+    rig.faults.arm(Fault.parse("slip@lift"))
+    x_m, y_m = block_xy_m(world)
+    assert grasp(rig, x_m, y_m + 0.12) == (228, 3)
+    assert rig.faults.fired == []
+    jaws(rig, 0)
+    assert grasp(rig, *block_xy_m(world)) == (228, 3)
+    assert [(fired.name, fired.phase) for fired in rig.faults.fired] == [("slip", "lift")]
+
+
 def test_descent_onto_a_block_is_felt(rig: EmulatedRig, world: PhysicalWorld) -> None:
     # One finger above the block: it cannot pass.
     x_m, y_m = block_xy_m(world)
@@ -135,6 +146,19 @@ def test_objects_are_exchanged_for_others_of_the_set(rig: EmulatedRig, world: Ph
     assert world.object_ids != before
     assert len(world.scene.poses()) == 1
     assert world.scene.poses()[0, 2] < 0.1  # It has come down.
+
+
+@pytest.mark.parametrize("way", ["refill", "exchange"])
+def test_nothing_is_dropped_onto_the_arm(rig: EmulatedRig, world: PhysicalWorld, way: str) -> None:
+    line(rig, 0.65, 0.0, 0.15)
+    for _ in range(10):
+        world.refill(everything=True) if way == "refill" else world.exchange()
+        highest_n = 0.0
+        for _ in range(round(0.5 / rig.robot.period_s)):
+            rig.tick(0.0)
+            highest_n = max(highest_n, rig.robot.sensor.pressing_n)
+        assert highest_n < 20
+    assert rig.robot.events == []
 
 
 def test_physics_rests_with_the_rig(rig: EmulatedRig, world: PhysicalWorld) -> None:
