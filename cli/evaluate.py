@@ -9,7 +9,7 @@ import typer
 
 from handsight.cli.completion import complete_object_sets, words
 from handsight.cli.errors import CommandError
-from handsight.cli.opening import check_folder, check_out_file, check_rig_file
+from handsight.cli.opening import check_folder, check_out_file, check_rig_option
 from handsight.cli.options import (
     DEFAULT_GRIPPER,
     DEFAULT_THRESHOLD,
@@ -115,12 +115,7 @@ def evaluate_command(
     """Compare servo methods on the same scenes and starting poses (section V-B.2)."""
     check_engine(engine, ray_address)
     check_finished_run(model)
-    if (rig is None) != (station == "sim"):
-        raise CommandError(
-            "--rig goes with --station ur10" if station == "sim" else "--station ur10 needs the rig's file: --rig FILE"
-        )
-    if rig is not None:
-        check_rig_file(rig)
+    check_rig_option(station, rig)
     if rig is not None and disturb is not None:
         raise CommandError("--disturb is of the simulated station: no rig is disturbed on purpose")
     if out is not None:

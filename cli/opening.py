@@ -112,3 +112,17 @@ def check_rig_file(path: Path) -> None:
     """
     if not path.is_file():
         raise CommandError(f"{path} is no file, expected the rig's file: docs/rig.md has one to begin with")
+
+
+def check_rig_option(station: str, rig: Path | None) -> None:
+    """Refuse a rig's file for the simulated station, and a rig without its file.
+
+    Raises:
+        CommandError: They do not go together, or the file is not there.
+    """
+    if rig is None and station == "ur10":
+        raise CommandError("--station ur10 needs the rig's file: --rig FILE")
+    if rig is not None:
+        if station != "ur10":
+            raise CommandError(f"--rig goes with --station ur10, and the station is {station}")
+        check_rig_file(rig)

@@ -9,7 +9,7 @@ import typer
 
 from handsight.cli.completion import words
 from handsight.cli.errors import CommandError
-from handsight.cli.opening import check_out_file
+from handsight.cli.opening import check_out_file, check_rig_option
 from handsight.cli.options import (
     DEFAULT_GRIPPER,
     DEFAULT_METHOD,
@@ -18,13 +18,13 @@ from handsight.cli.options import (
     METHOD_NAMES,
     MOST_TRIALS,
     NOVEL_OBJECTS,
+    RIG_THRESHOLD,
     Gripper,
     Json,
     Live,
     LiveUrl,
     Model,
     Objects,
-    Threshold,
     TrialSeed,
 )
 from handsight.cli.output import bold, console, print_json, progress_bar
@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from handsight.collection.ur10.station import Ur10StationFactory
     from handsight.evaluation.trial import TrialRecording
 
 
@@ -47,9 +48,18 @@ def servo_command(
         int, typer.Option(min=0, max=MOST_TRIALS, help="Which trial; begins like the same trial of 'evaluate'.")
     ] = 0,
     objects: Objects = NOVEL_OBJECTS,
-    station: Annotated[Literal["sim"], typer.Option(help="Where to servo.")] = "sim",
+    station: Annotated[Literal["sim", "ur10"], typer.Option(help="Where to servo.")] = "sim",
+    rig: Annotated[
+        Path | None, typer.Option("--rig", metavar="FILE", help="The rig's file, for --station ur10; see docs/rig.md.")
+    ] = None,
     gripper: Gripper = DEFAULT_GRIPPER,
-    threshold: Threshold = DEFAULT_THRESHOLD,
+    threshold: Annotated[
+        float | None,
+        typer.Option(
+            help=f"Predicted success at which the grasp is executed; unless given {DEFAULT_THRESHOLD}, and "
+            f"{RIG_THRESHOLD} on a rig."
+        ),
+    ] = None,
     seed: TrialSeed = EVALUATION_SEED,
     scene_camera: Annotated[
         bool, typer.Option("--scene-camera", help="Also record the whole station from outside at every step.")
@@ -60,6 +70,9 @@ def servo_command(
 ) -> None:
     """Servo once from a random pose, grasp, and record every step."""
     check_finished_run(model)
+    check_rig_option(station, rig)
+    if rig is not None and scene_camera:
+        raise CommandError("--scene-camera is of the simulated station: nothing looks at a rig from outside")
     check_out_file(out)
     from handsight.cli.wiring.live import check_live, live_watch
 
@@ -71,14 +84,16 @@ def servo_command(
     from handsight.servoing.methods.registry import servo_method
 
     servo_method(method)
-    simulated = sim_station(objects, gripper=gripper)
+    if threshold is None:
+        threshold = DEFAULT_THRESHOLD if rig is None else RIG_THRESHOLD
+    simulated = sim_station(objects, gripper=gripper) if rig is None else None
     settings = ServoSettings(threshold=threshold)
     with live_watch(live=live, url=live_url) as watch:
-        factory = TrialContextFactory(open_station=simulated, run=model, watch=watch)
+        factory = TrialContextFactory(open_station=simulated or _rig_station(rig), run=model, watch=watch)
         recording = record_trial(factory, method, trial, seed=seed, servo=settings)
         if recording is None:
             raise CommandError(f"method is {method!r}, which does not servo, expected one that does")
-        outside = servo_pictures(simulated.config, recording) if scene_camera else None
+        outside = servo_pictures(simulated.config, recording) if scene_camera and simulated else None
         write_trace(out, recording, model, outside)
         _tell(recording, out, method, seed, as_json=as_json)
 
@@ -104,6 +119,14 @@ def _tell(recording: TrialRecording, out: Path, method: str, seed: int, *, as_js
         f": {method}, {counted(recording.trace.moves, 'move')}, predicted success "
         f"{recording.trace.grasp_score:.2f}, {result}; open it with {pasteable('handsight', 'view', 'trace', out)}",
     )
+
+
+def _rig_station(rig: Path | None) -> Ur10StationFactory:
+    from handsight.cli.wiring.rigs import rig_station
+
+    if rig is None:
+        raise CommandError("--station ur10 needs the rig's file: --rig FILE")
+    return rig_station(rig, rig.parent)
 
 
 def write_trace(
