@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import subprocess
+import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -15,6 +16,8 @@ from handsight.collection.ur10.rig import CameraConfig
 OPEN_S = 30.0
 RESET_S = 40.0
 POWER_CYCLE_S = 60.0
+BACK_S, BACK_POLL_S = 20.0, 0.5
+"""How long a camera that was switched off and on is waited for."""
 SLACK_S = 5.0
 BLACK_LEVEL = 4
 """Mean of a picture's levels up to which it shows nothing."""
@@ -92,7 +95,16 @@ class Camera:
             raise DeviceError(f"camera.power_cycle: {error}") from error
         if done.returncode:
             raise DeviceError(f"camera.power_cycle ended with status {done.returncode}: {done.stderr.strip()[:200]}")
-        self.child.start()
+        until = time.monotonic() + BACK_S
+        while True:
+            try:
+                self.child.start()
+                return
+            except DeviceError:
+                # The bus takes seconds to find it again.
+                if time.monotonic() > until:
+                    raise
+                time.sleep(BACK_POLL_S)
 
     def _checked(self) -> Picture:
         timeout_s = self.config.timeout_s

@@ -96,7 +96,11 @@ class SupervisedChild:
         self._started = True
         ours, theirs = _SPAWN.Pipe()
         process = _SPAWN.Process(
-            target=_serve, args=(theirs, self._open_device, self._log, os.getpid()), name=f"handsight-{self.name}"
+            target=_serve,
+            args=(theirs, self._open_device, self._log, os.getpid()),
+            name=f"handsight-{self.name}",
+            # A process that ends waits for its children, unless they are ended with it.
+            daemon=True,
         )
         process.start()
         theirs.close()
