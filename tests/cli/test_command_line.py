@@ -108,7 +108,8 @@ def test_heatmaps_and_servo_runs_are_written(
     shown = ["heatmap", str(demo_folder / "grasps"), "--model", model, "--out", str(heatmaps), "--spacing", "40"]
     told = json_of(capsys, *shown, "-n", "1", "--picture", str(picture), "--json")
     (attempt,) = GraspDataset.open(str(demo_folder / "grasps")).attempts.index[-1:]
-    assert told == {"recording": str(heatmaps), "picture": str(picture), "attempts": [attempt]}
+    assert (told["recording"], told["picture"], told["attempts"]) == (str(heatmaps), str(picture), [attempt])
+    assert told["angles"] == 18
     servoed = ["servo", "--model", model, "--out", str(trace), "--method", "first-order", "--trial", "1"]
     told = json_of(capsys, *servoed, "--json")
     assert (told["recording"], told["method"], told["trial"]) == (str(trace), "first-order", 1)

@@ -50,7 +50,7 @@ def test_nouns() -> None:
 def test_verbs() -> None:
     assert completed("handsight dataset ") == [command.name for command in COMMANDS]
     assert completed("handsight dataset re") == ["release", "revert", "restore", "relabel", "repair"]
-    assert completed("handsight collect ") == ["sim", "picture"]
+    assert completed("handsight collect ") == ["sim", "ur10", "picture"]
 
 
 def test_options_and_their_values() -> None:
