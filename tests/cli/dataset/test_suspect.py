@@ -209,7 +209,8 @@ def test_the_recording_shows_each_grasp_where_it_was_attempted(
         # The picture was taken over the origin, unturned; the tool's y axis points against the base's.
         x_px = k.fx * 0.02 / view.plane_m + k.cx + 0.5
         y_px = k.fy * 0.01 / view.plane_m + k.cy + 0.5
-        left, right = np.array(dict(content["/picture/jaws/line"]["LineStrips2D:strips"])[step][2])
+        strips = dict(content["/picture/jaws/line"]["LineStrips2D:strips"])[step]
+        left, right = np.array(strips[2][0]), np.array(strips[-1][1])  # Dashed where the grasp failed.
         np.testing.assert_allclose(0.5 * (left + right), [x_px, y_px], atol=1e-2)
         inputs = data.inputs[data.attempts.index.get_loc(one["attempt"])]
         raw = np.array(dict(content["/input/height"]["DepthImage:buffer"])[step][0], dtype=np.uint8).view(np.float32)
