@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from handsight.collection.ur10.emulator.generation import Generation
+from handsight.collection.ur10.emulator.gripper import Gripper
 from handsight.collection.ur10.emulator.rig import EmulatedRig, RigSettings
 from handsight.collection.ur10.emulator.world import BareWorld
 
@@ -54,3 +55,9 @@ def lowered(rig: EmulatedRig, by_m: float) -> tuple[float, ...]:
     pose = rig.robot.pose
     pose[2] -= by_m
     return tuple(float(value) for value in pose)
+
+
+def robotiq(rig: EmulatedRig) -> Gripper:
+    """The rig's gripper, which is one behind the URCap."""
+    assert isinstance(rig.gripper, Gripper)
+    return rig.gripper

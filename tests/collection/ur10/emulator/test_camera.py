@@ -71,7 +71,7 @@ def test_board_is_found_where_it_lies(rig: RunningRig) -> None:
     target = cv2.aruco.CharucoBoard((board.columns, board.rows), board.square_m, board.marker_m, words)
     corners, ids, _, _ = cv2.aruco.CharucoDetector(target).detectBoard(cv2.cvtColor(frame.rgb, cv2.COLOR_RGB2GRAY))
     assert len(ids) == (board.columns - 1) * (board.rows - 1)
-    on_board_m, seen_px = target.matchImagePoints(corners, ids)
+    on_board_m, seen_px = target.matchImagePoints(list(corners), ids)
     k = D435_ON_GRIPPER.intrinsics
     camera_matrix = np.array([[k.fx, 0, k.cx], [0, k.fy, k.cy], [0, 0, 1]])
     _, _, offset_m = cv2.solvePnP(on_board_m, seen_px, camera_matrix, None)

@@ -20,7 +20,8 @@ class CountedError(Exception):
 
 def run(clock: Clock, *, attentive: Callable[[int], bool], shown: int) -> tuple[int, list[float]]:
     """Let a clock run until it has shown so often: steps, and the factors that were told."""
-    steps, shows, factors = 0, 0, []
+    steps = shows = 0
+    factors: list[float] = []
 
     def step() -> None:
         nonlocal steps

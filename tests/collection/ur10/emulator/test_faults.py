@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from tests.support.bare_rig import call, let_pass, lowered, start
+from tests.support.bare_rig import call, let_pass, lowered, robotiq, start
 
 from handsight.collection.ur10.emulator.errors import FaultError
 from handsight.collection.ur10.emulator.faults import ACTIONS, Fault
@@ -38,7 +38,7 @@ def test_fault_waits_for_its_phase(e_series: EmulatedRig) -> None:
     e_series.faults.arm(Fault.parse("protective-stop@descend"))
     pose = lowered(e_series, -0.05)
     call(e_series, 3, (*pose, 0.1, 0.5), (0,))
-    assert e_series.robot.machine.safety is SafetyMode.NORMAL  # Up is not down.
+    assert str(e_series.robot.machine.safety) == str(SafetyMode.NORMAL)  # Up is not down.
     height_m = e_series.robot.pose[2]
     call(e_series, 3, (*lowered(e_series, 0.1), 0.1, 0.5), (0,))
     assert e_series.robot.machine.safety is SafetyMode.PROTECTIVE_STOP
@@ -58,10 +58,10 @@ def test_fault_waits_for_a_height(e_series: EmulatedRig) -> None:
 
 
 def test_jaws_tell_closing_from_opening(e_series: EmulatedRig) -> None:
-    e_series.gripper.answer("SET ACT 1")
+    robotiq(e_series).answer("SET ACT 1")
     let_pass(e_series, 2.0)
     e_series.faults.arm(Fault.parse("gripper-fault:code=10@close"))
-    e_series.gripper.answer("SET POS 255 GTO 1")
+    robotiq(e_series).answer("SET POS 255 GTO 1")
     let_pass(e_series, 1.0)
     assert e_series.gripper.get("FLT") == 10
     assert e_series.gripper.get("POS") < 20  # It stopped where it was.

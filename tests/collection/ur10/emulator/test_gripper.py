@@ -3,26 +3,26 @@
 from __future__ import annotations
 
 import pytest
-from tests.support.bare_rig import let_pass
+from tests.support.bare_rig import let_pass, robotiq
 
 from handsight.collection.ur10.emulator.rig import EmulatedRig
 from handsight.collection.ur10.emulator.world import BareWorld
 
 
 def activate(rig: EmulatedRig) -> None:
-    assert rig.gripper.answer("SET ACT 1\n") == b"ack"
+    assert robotiq(rig).answer("SET ACT 1\n") == b"ack"
     let_pass(rig, 2.0)
     assert value(rig, "STA") == 3
 
 
 def value(rig: EmulatedRig, name: str) -> int:
-    said, text = rig.gripper.answer(f"GET {name}\n").split()
+    said, text = robotiq(rig).answer(f"GET {name}\n").split()
     assert said.decode() == name
     return int(text)
 
 
 def move(rig: EmulatedRig, position: int) -> tuple[int, int]:
-    assert rig.gripper.answer(f"SET POS {position} SPE 255 FOR 50 GTO 1\n") == b"ack"
+    assert robotiq(rig).answer(f"SET POS {position} SPE 255 FOR 50 GTO 1\n") == b"ack"
     assert value(rig, "PRE") == position
     let_pass(rig, 2.0)
     return value(rig, "POS"), value(rig, "OBJ")
@@ -70,7 +70,7 @@ def test_major_fault_ends_motion_until_it_is_activated_anew(e_series: EmulatedRi
     e_series.gripper.fail(0x0E)
     move(e_series, 255)
     assert (value(e_series, "FLT"), value(e_series, "POS")) == (14, 0)
-    e_series.gripper.answer("SET ACT 0\n")
+    robotiq(e_series).answer("SET ACT 0\n")
     activate(e_series)
     assert value(e_series, "FLT") == 0
     assert move(e_series, 255)[0] == 228
@@ -78,9 +78,9 @@ def test_major_fault_ends_motion_until_it_is_activated_anew(e_series: EmulatedRi
 
 @pytest.mark.parametrize("line", ["GET XYZ", "SET POS 300", "SET POS", "SET FLT 0", "hello"])
 def test_what_it_does_not_know_is_answered_with_a_question_mark(e_series: EmulatedRig, line: str) -> None:
-    assert e_series.gripper.answer(line) == b"?\n"
+    assert robotiq(e_series).answer(line) == b"?\n"
 
 
 def test_emergency_stop_leaves_a_question_mark(e_series: EmulatedRig) -> None:
     e_series.robot.machine.emergency_stop()
-    assert e_series.gripper.answer("GET POS") == b"?\n"
+    assert robotiq(e_series).answer("GET POS") == b"?\n"

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from tests.support.bare_rig import let_pass
+from tests.support.bare_rig import let_pass, robotiq
 
 from handsight.collection.sim.config import SimConfig
 from handsight.collection.ur10.emulator.faults import Fault
@@ -36,7 +36,7 @@ def rig(world: PhysicalWorld) -> EmulatedRig:
     rig = EmulatedRig(RigSettings(robot="127.0.0.2", generation=E_SERIES), world)
     rig.robot.set_tcp(np.array([0.0, 0.0, 0.16, 0.0, 0.0, 0.0]))
     rig.robot.payload_kg = 1.3
-    rig.gripper.answer("SET ACT 1")
+    robotiq(rig).answer("SET ACT 1")
     let_pass(rig, 3.0)
     return rig
 
@@ -52,7 +52,7 @@ def line(rig: EmulatedRig, x_m: float, y_m: float, z_m: float, *, speed_m_s: flo
 
 
 def jaws(rig: EmulatedRig, position: int) -> tuple[int, int]:
-    rig.gripper.answer(f"SET POS {position} SPE 255 FOR 50 GTO 1")
+    robotiq(rig).answer(f"SET POS {position} SPE 255 FOR 50 GTO 1")
     let_pass(rig, AT_REST_S)
     return rig.gripper.get("POS"), rig.gripper.get("OBJ")
 
@@ -118,12 +118,12 @@ def test_descent_onto_a_block_is_felt(rig: EmulatedRig, world: PhysicalWorld) ->
     goal = PlanarPose(x_m=x_m + 0.0475, y_m=y_m, angle_rad=0.0).pose_base_tool(GRASP_Z_M)
     line(rig, x_m + 0.0475, y_m, 0.2)
     robot = rig.robot
-    robot.motion = line_path(robot.target_rad, goal, speed=0.05, acceleration=1.0, tcp_offset=robot.tcp_offset)
-    while robot.motion is not None:
+    robot.motion = motion = line_path(robot.target_rad, goal, speed=0.05, acceleration=1.0, tcp_offset=robot.tcp_offset)
+    while robot.motion is motion:
         rig.tick(0.0)
         highest_n = max(highest_n, float(robot.sensor.contact_n[2]))
-        if highest_n > 40 and robot.motion is not None:
-            robot.motion.brake(1.0, joints=False)
+        if highest_n > 40:
+            motion.brake(1.0, joints=False)
     assert 40 < highest_n < 90
     assert robot.pose[2] > GRASP_Z_M + 0.005
     assert robot.events == []

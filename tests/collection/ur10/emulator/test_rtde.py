@@ -71,7 +71,7 @@ def test_readings_stream_from_start_to_pause(rig: RunningRig) -> None:
         peer.ask(wire.REQUEST_PROTOCOL_VERSION, b"\x00\x02")
         peer.ask(wire.SETUP_OUTPUTS, outputs(500, "timestamp,safety_status_bits"))
         assert peer.ask(wire.START) == b"\x01"
-        seen = []
+        seen: list[tuple[float, int]] = []
         while len(seen) < 20:
             kind, body = peer.packet()
             assert (kind, len(body)) == (wire.DATA_PACKAGE, 13)
@@ -96,7 +96,7 @@ def test_register_belongs_to_its_first_client_until_it_leaves(rig: RunningRig) -
 
 def test_primary_port_tells_the_calibrated_kinematics(rig: RunningRig) -> None:
     with Peer(rig, 30001) as peer:
-        found = {}
+        found: dict[int, bytes] = {}
         while len(found) < 2:
             length, kind = struct.unpack(">iB", peer.exactly(5))
             found[kind] = peer.exactly(length - 5)
