@@ -240,9 +240,11 @@ def _show(paths: DemoPaths, release: str, rows: list[ResultRow]) -> None:
     handsight, rerun = _command_name("handsight"), _command_name("rerun")
     commands = [
         ("the dataset", shlex.join((handsight, "dataset", "ls", f"{paths.dataset}@{release}"))),
+        ("as cards", shlex.join((handsight, "view", "dataset", str(paths.dataset)))),
         ("heatmaps", shlex.join((rerun, str(paths.heatmaps)))),
         ("a servo run", shlex.join((rerun, str(paths.trace)))),
         ("the figure", str(paths.figure)),
+        ("one page", shlex.join((handsight, "report", str(paths.out)))),
         ("more trials", shlex.join((handsight, "evaluate", "--model", str(paths.run), "--trials", "200"))),
     ]
     for what, command in commands:
