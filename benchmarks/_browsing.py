@@ -24,6 +24,7 @@ WITH_PICTURES = 400
 PAGE = 40
 """Cards that the viewer asks for at 1920x1080, those just below the edge included."""
 LIMIT_S = 120.0
+QUIET_S, POLL_S = 0.3, 0.02
 MANY_COLOURS = 3_000
 """A screen with cards has more colours than one without: they are photographs."""
 _SEED = 0
@@ -98,7 +99,19 @@ def _browser(path: Path, cards: Path) -> Iterator[Browser]:
 def _first_card(path: Path, cards: Path) -> None:
     with _browser(path, cards) as browser, headless_viewer() as viewer:
         patiently(lambda: viewer.open(browser.address), time.monotonic() + LIMIT_S, "open the cards")
+        # A picture of the screen holds the viewer up: one is taken once it has what it asked for.
+        _until_answered(browser)
         _until(viewer, MANY_COLOURS)
+
+
+def _until_answered(browser: Browser) -> None:
+    """Wait until the viewer has asked for cards, and for no more of them in a while."""
+    deadline = time.monotonic() + LIMIT_S
+    made, since = 0, time.monotonic()
+    while time.monotonic() < deadline and (not made or time.monotonic() - since < QUIET_S):
+        if browser.recordings_made != made:
+            made, since = browser.recordings_made, time.monotonic()
+        time.sleep(POLL_S)
 
 
 def _bare_viewer() -> None:
