@@ -83,6 +83,27 @@ class CollectGroup(LazyGroup):
 collect_app = lazy_app(CollectGroup, help="Collect grasp attempts into a dataset.")
 
 
+Policy = Annotated[
+    Literal["uniform", "servo"], typer.Option(help="Who chooses where to grasp: chance, or a trained network.")
+]
+PolicyModel = Annotated[Path | None, typer.Option(metavar="RUN", help="Network of the servo policy.")]
+PolicyMethod = Annotated[
+    str | None,
+    typer.Option(
+        help=f"Servo method of the servo policy; {DEFAULT_METHOD} unless given.",
+        autocompletion=words(*METHOD_NAMES),
+    ),
+]
+RandomShare = Annotated[
+    float | None,
+    typer.Option(help=f"Share of attempts left to chance by the servo policy; {DEFAULT_RANDOM_SHARE} unless given."),
+]
+PregraspPicture = Annotated[
+    bool, typer.Option("--pregrasp-picture", help="Also record a picture at the pre-grasp pose.")
+]
+Resume = Annotated[bool, typer.Option("--resume", help="Go on with an interrupted session.")]
+
+
 def collect_sim(
     dataset: DatasetPath,
     attempts: Annotated[int, typer.Option("--attempts", "-n", max=MOST_ATTEMPTS, help="Length of the session.")] = 600,
@@ -100,33 +121,18 @@ def collect_sim(
             autocompletion=words(*VARIED_KINDS),
         ),
     ] = None,
-    policy: Annotated[
-        Literal["uniform", "servo"], typer.Option(help="Who chooses where to grasp: chance, or a trained network.")
-    ] = "uniform",
-    model: Annotated[Path | None, typer.Option(metavar="RUN", help="Network of the servo policy.")] = None,
-    method: Annotated[
-        str | None,
-        typer.Option(
-            help=f"Servo method of the servo policy; {DEFAULT_METHOD} unless given.",
-            autocompletion=words(*METHOD_NAMES),
-        ),
-    ] = None,
-    random_share: Annotated[
-        float | None,
-        typer.Option(
-            help=f"Share of attempts left to chance by the servo policy; {DEFAULT_RANDOM_SHARE} unless given."
-        ),
-    ] = None,
+    policy: Policy = "uniform",
+    model: PolicyModel = None,
+    method: PolicyMethod = None,
+    random_share: RandomShare = None,
     threshold: Annotated[
         float | None,
         typer.Option(help=f"Predicted success at which the servo policy grasps; {DEFAULT_THRESHOLD} unless given."),
     ] = None,
     shakes: Annotated[int, typer.Option(min=0, max=100, help="Shakes after the lift; section III-B has three.")] = 0,
-    pregrasp_picture: Annotated[
-        bool, typer.Option("--pregrasp-picture", help="Also record a picture at the pre-grasp pose.")
-    ] = False,
+    pregrasp_picture: PregraspPicture = False,
     renderer: Renderer = "tiny",
-    resume: Annotated[bool, typer.Option("--resume", help="Go on with an interrupted session.")] = False,
+    resume: Resume = False,
     engine: EngineName = "local",
     ray_address: RayAddress = None,
     as_json: Json = False,
@@ -154,15 +160,7 @@ def collect_sim(
     )
     with engine_named(engine, ray_address, workers) as started:
         report = collect_with_progress(dataset, factory, settings, resume=resume, engine=started)
-    if as_json:
-        print_json(report)
-    else:
-        added = report.attempts - report.resumed_from
-        held = counted(report.attempts, "attempt")
-        console.print(
-            bold(dataset),
-            f": session {report.session} holds {held}, {added} of them new, {report.successes} of these successful",
-        )
+    _tell(report, dataset, as_json=as_json)
 
 
 def collect_ur10(
@@ -170,31 +168,16 @@ def collect_ur10(
     rig: RigFile,
     attempts: Annotated[int, typer.Option("--attempts", "-n", max=MOST_ATTEMPTS, help="Length of the session.")] = 600,
     seed: Seed = 0,
-    policy: Annotated[
-        Literal["uniform", "servo"], typer.Option(help="Who chooses where to grasp: chance, or a trained network.")
-    ] = "uniform",
-    model: Annotated[Path | None, typer.Option(metavar="RUN", help="Network of the servo policy.")] = None,
-    method: Annotated[
-        str | None,
-        typer.Option(
-            help=f"Servo method of the servo policy; {DEFAULT_METHOD} unless given.",
-            autocompletion=words(*METHOD_NAMES),
-        ),
-    ] = None,
-    random_share: Annotated[
-        float | None,
-        typer.Option(
-            help=f"Share of attempts left to chance by the servo policy; {DEFAULT_RANDOM_SHARE} unless given."
-        ),
-    ] = None,
+    policy: Policy = "uniform",
+    model: PolicyModel = None,
+    method: PolicyMethod = None,
+    random_share: RandomShare = None,
     threshold: Annotated[
         float | None,
         typer.Option(help=f"Predicted success at which the servo policy grasps; {RIG_THRESHOLD} unless given."),
     ] = None,
-    pregrasp_picture: Annotated[
-        bool, typer.Option("--pregrasp-picture", help="Also record a picture at the pre-grasp pose.")
-    ] = False,
-    resume: Annotated[bool, typer.Option("--resume", help="Go on with an interrupted session.")] = False,
+    pregrasp_picture: PregraspPicture = False,
+    resume: Resume = False,
     as_json: Json = False,
 ) -> None:
     """Collect grasps with a UR10, unattended (section V-C); creates a missing dataset.
@@ -215,18 +198,23 @@ def collect_ur10(
     from handsight.cli.wiring.rigs import collect_with_rig, rig_station
 
     report = collect_with_rig(dataset, rig_station(rig, dataset), settings, resume=resume)
-    if as_json:
-        print_json(report)
-    else:
-        added = report.attempts - report.resumed_from
-        held = counted(report.attempts, "attempt")
-        console.print(
-            bold(dataset),
-            f": session {report.session} holds {held}, {added} of them new, {report.successes} of these successful",
-        )
+    _tell(report, dataset, as_json=as_json)
     if report.paused:
         errors.print(f"paused: {report.paused}")
         raise typer.Exit(1)
+
+
+def _tell(report: CollectReport, dataset: str, *, as_json: bool) -> None:
+    """What a session holds now."""
+    if as_json:
+        print_json(report)
+        return
+    added = report.attempts - report.resumed_from
+    held = counted(report.attempts, "attempt")
+    console.print(
+        bold(dataset),
+        f": session {report.session} holds {held}, {added} of them new, {report.successes} of these successful",
+    )
 
 
 def collect_picture(

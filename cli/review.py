@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from handsight.cli.completion import complete_attempt
+from handsight.cli.choosing import DrawnModel, Like, Reverse, Sort, Suspect, check_likeness, choice_faults
 from handsight.cli.dataset.author import author_named
 from handsight.cli.errors import CommandError
 from handsight.cli.opening import checked_address, open_version
@@ -39,7 +39,6 @@ KEYS: dict[str, Verdict] = {
 }
 QUIT = "q"
 HELP = "k keep  x exclude  r restore  s success  f failure  o label as recorded  u undo  n next  b back  q quit"
-CACHE_BYTES = 1_000_000_000
 
 
 def review_command(
@@ -48,28 +47,14 @@ def review_command(
     *,
     where: Where = "",
     filter: Filter = "",
-    suspect: Annotated[
-        bool, typer.Option("--suspect", help="Likely label issues first, as of 'dataset suspect', which takes minutes.")
-    ] = False,
-    like: Annotated[
-        str,
-        typer.Option(
-            "--like",
-            metavar="ATTEMPT",
-            help="Those that look most like this one first.",
-            autocompletion=complete_attempt,
-        ),
-    ] = "",
-    sort: Annotated[str, typer.Option("--sort", metavar="COLUMN", help="Column to order by, smallest first.")] = "",
-    reverse: Annotated[
-        bool, typer.Option("--reverse", help="The largest first or, without --sort, the newest.")
-    ] = False,
+    suspect: Suspect = False,
+    like: Like = "",
+    sort: Sort = "",
+    reverse: Reverse = False,
     limit: Annotated[
         int, typer.Option("--limit", "-n", min=0, max=MOST_ATTEMPTS, help="At most so many; 0 goes through all.")
     ] = 0,
-    model: Annotated[
-        Path | None, typer.Option("--model", metavar="RUN", help="Draw what this network expects into attempts.")
-    ] = None,
+    model: DrawnModel = None,
     viewer: Annotated[
         bool, typer.Option("--viewer/--no-viewer", help="Whether a window shows each attempt as it comes up.")
     ] = True,
@@ -83,10 +68,11 @@ def review_command(
     decision is committed at once and can be undone, here or with 'dataset undo'. Keys may be piped in.
     """
     checked_address(dataset)
+    if faults := choice_faults(attempts, where, filter, sort=sort, suspect=suspect, like=like):
+        raise CommandError("; ".join(faults))
     if model is not None:
         check_finished_run(model)
-    if like and model is None:
-        raise CommandError("--like is given without a network that sees the likeness: add --model RUN")
+    check_likeness(like, model)
     if viewer:
         from handsight.viz.browser.display import check_display
 
@@ -124,7 +110,7 @@ def _viewer_of(
     from handsight.viz.browser.viewer import native_viewer
 
     version = review.dataset()
-    browsing = open_browser(version, chosen, name=dataset, model=model, author="", limit_bytes=CACHE_BYTES)
+    browsing = open_browser(version, chosen, name=dataset, model=model, author="")
     with browsing as browser, native_viewer(browser.address) as window:
         yield browser, window
 

@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from handsight.cli.completion import complete_attempt
+from handsight.cli.choosing import DrawnModel, Like, Reverse, Sort, Suspect, check_likeness, choice_faults
 from handsight.cli.dataset.author import author_named
 from handsight.cli.errors import CommandError
 from handsight.cli.opening import check_out_file, checked_address, open_version
 from handsight.cli.options import MOST_ATTEMPTS, Author, Dataset, Filter, Ids, Json, Where
 from handsight.cli.output import bold, console, print_json
+from handsight.cli.view.showing import Port, Web
 from handsight.datasets.errors import counted
 from handsight.training.run_folder import check_finished_run
 
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
 
 MEGABYTE = 1_000_000
 MOST_MEGABYTES = 1_000_000
-Port = Annotated[int, typer.Option("--port", min=0, max=65535, help="Port of the page with --web; 0 for any free one.")]
 
 
 def dataset_command(
@@ -32,29 +32,15 @@ def dataset_command(
     *,
     where: Where = "",
     filter: Filter = "",
-    suspect: Annotated[
-        bool, typer.Option("--suspect", help="Likely label issues first, as of 'dataset suspect', which takes minutes.")
-    ] = False,
-    like: Annotated[
-        str,
-        typer.Option(
-            "--like",
-            metavar="ATTEMPT",
-            help="Those that look most like this one first.",
-            autocompletion=complete_attempt,
-        ),
-    ] = "",
-    sort: Annotated[str, typer.Option("--sort", metavar="COLUMN", help="Column to order by, smallest first.")] = "",
-    reverse: Annotated[
-        bool, typer.Option("--reverse", help="The largest first or, without --sort, the newest.")
-    ] = False,
+    suspect: Suspect = False,
+    like: Like = "",
+    sort: Sort = "",
+    reverse: Reverse = False,
     limit: Annotated[
         int, typer.Option("--limit", "-n", min=0, max=MOST_ATTEMPTS, help="At most so many; 0 shows all.")
     ] = 0,
-    model: Annotated[
-        Path | None, typer.Option("--model", metavar="RUN", help="Draw what this network expects into attempts.")
-    ] = None,
-    web: Annotated[bool, typer.Option("--web", help="Serve a page to a web browser on this machine.")] = False,
+    model: DrawnModel = None,
+    web: Web = False,
     port: Port = 0,
     picture: Annotated[
         Path | None,
@@ -75,9 +61,12 @@ def dataset_command(
     edited: both are decisions like those of 'dataset exclude' and 'dataset relabel', and 'dataset undo' reverts them.
     """
     checked_address(dataset)
-    _check_options(attempts, where, filter, sort=sort, suspect=suspect, like=like, picture=picture, web=web)
-    if like and model is None:
-        raise CommandError("--like is given without a network that sees the likeness: add --model RUN")
+    faults = choice_faults(attempts, where, filter, sort=sort, suspect=suspect, like=like)
+    if picture is not None and web:
+        faults.append("--picture and --web are given, expected one of them")
+    if faults:
+        raise CommandError("; ".join(faults))
+    check_likeness(like, model)
     if model is not None:
         check_finished_run(model)
     if picture is not None:
@@ -108,28 +97,6 @@ def dataset_command(
             _draw(picture, browser, opened, len(chosen.ids), as_json=as_json)
         else:
             _serve(browser, opened, len(chosen.ids), web=web, port=port, as_json=as_json)
-
-
-def _check_options(
-    attempts: list[str] | None,
-    where: str,
-    filter: str,
-    *,
-    sort: str,
-    suspect: bool,
-    like: str,
-    picture: Path | None,
-    web: bool,
-) -> None:
-    faults = []
-    if attempts and (where or filter or suspect or like or sort):
-        faults.append("attempts are named and --where, --filter, --sort, --suspect or --like given, expected either")
-    if suspect + bool(like) + bool(sort) > 1:
-        faults.append("more than one of --suspect, --like and --sort is given, expected one order at most")
-    if picture is not None and web:
-        faults.append("--picture and --web are given, expected one of them")
-    if faults:
-        raise CommandError("; ".join(faults))
 
 
 def _draw(path: Path, browser: Browser, dataset: GraspDataset, count: int, *, as_json: bool) -> None:

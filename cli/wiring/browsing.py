@@ -19,7 +19,7 @@ from handsight.datasets.integrity.doctor.examine import doctor
 from handsight.datasets.reading.attempt_ids import resolve_attempt_ids, short_id
 from handsight.datasets.reading.listing import Listing, list_attempts
 from handsight.datasets.reading.reader import GraspDataset
-from handsight.viz.browser.browser import Browser, BrowserSettings
+from handsight.viz.browser.browser import MOST_BYTES, Browser, BrowserSettings
 from handsight.viz.browser.decisions import Decided
 from handsight.viz.browser.rows import Seen
 
@@ -79,7 +79,7 @@ def chosen_attempts(
 
 
 def open_browser(
-    dataset: GraspDataset, chosen: Chosen, *, name: str, model: Path | None, author: str, limit_bytes: int
+    dataset: GraspDataset, chosen: Chosen, *, name: str, model: Path | None, author: str, limit_bytes: int = MOST_BYTES
 ) -> Browser:
     """A browser of attempts; decisions can be taken where the version is a branch."""
     scorer = None

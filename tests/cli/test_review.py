@@ -70,3 +70,14 @@ def test_a_release_and_no_screen_are_refused_in_one_line(
     assert "pass --no-viewer" in capsys.readouterr().err
     assert run(["review", "lab", "--no-viewer", "--where", "target == 'pear'"]) == 2
     assert "none matches target == 'pear'" in capsys.readouterr().err
+
+
+def test_contradictory_options_are_refused_and_decide_nothing(
+    lab: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = GraspDataset.open(str(lab)).snapshot_id
+    assert review(monkeypatch, "x", "01", "--where", "success", "--suspect", "--sort", "number") == 2
+    said = capsys.readouterr().err
+    assert "attempts are named and --where" in said
+    assert "expected one order at most" in said
+    assert GraspDataset.open(str(lab)).snapshot_id == before

@@ -37,11 +37,10 @@ from handsight.viz.recordings.encoding import depth_png, height_image, jpeg, log
 from handsight.viz.recordings.glyphs import gripper_boxes, log_jaws, log_label
 from handsight.viz.recordings.layouts import BACKGROUND, CAMERA, EYE_OFFSET_M, input_views, picture_bounds
 from handsight.viz.recordings.recording import write_recording
-from handsight.viz.recordings.scene import log_scene
+from handsight.viz.recordings.scene import log_hand_camera, log_scene
 
 KIND = "handsight_attempt"
 TIMELINE = "station_time"
-IMAGE_PLANE_M = 0.16
 NEARER = 0.85
 """The eye is nearer than in a trace, in which the arm takes room."""
 EYE_ON_M = 0.12
@@ -88,7 +87,9 @@ def write_attempt(path: Path, example: AttemptExample) -> None:
     with write_recording(path, kind=KIND, name=example.name, title=example.title, blueprint=blueprint) as stream:
         view = station_view(frame, example.station)
         log_scene(stream, frame, example.station, example.attempt.scene, points=True)
-        _log_camera(stream, frame, example.station)
+        pose = frame.pose_base_tool
+        stream.log("world/tool", rr.Transform3D(translation=pose[:3, 3], mat3x3=pose[:3, :3]), static=True)
+        log_hand_camera(stream, example.station)
         _log_pictures(stream, example, view)
         _log_grasp(stream, example, view, frame)
         _log_readings(stream, example)
@@ -173,26 +174,6 @@ def _scene_view(overhead: RgbdFrame) -> rrb.Spatial3DView:
 
 def _from_zero(station: StationSpec) -> rrb.ScalarAxis:
     return rrb.ScalarAxis(range=(0.0, MARGIN * 1e3 * station.gripper_stroke_m))
-
-
-def _log_camera(stream: rr.RecordingStream, frame: RgbdFrame, spec: StationSpec) -> None:
-    camera, k = spec.camera, spec.camera.intrinsics
-    pose = frame.pose_base_tool
-    stream.log("world/tool", rr.Transform3D(translation=pose[:3, 3], mat3x3=pose[:3, :3]), static=True)
-    offset_m = (camera.x_tool_camera_m, camera.y_tool_camera_m, camera.z_tool_camera_m)
-    stream.log(CAMERA, rr.Transform3D(translation=offset_m), static=True)
-    stream.log(
-        CAMERA,
-        rr.Pinhole(
-            resolution=(k.width, k.height),
-            focal_length=(k.fx, k.fy),
-            principal_point=(k.cx + 0.5, k.cy + 0.5),
-            image_plane_distance=IMAGE_PLANE_M,
-            color=palette.CHOSEN,
-            line_width=0.0015,
-        ),
-        static=True,
-    )
 
 
 def _log_pictures(stream: rr.RecordingStream, example: AttemptExample, view: View) -> None:

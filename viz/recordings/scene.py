@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 
 from handsight.datasets.records import RgbdFrame, SceneObjects, StationSpec
 from handsight.viz import palette
+from handsight.viz.pixels import CENTRE_PX
+from handsight.viz.recordings.layouts import CAMERA
 
 TABLE_SIDE_M = 0.64
 TABLE_THICKNESS_M = 0.02
@@ -30,6 +32,8 @@ ON_TABLE = np.array([1, 1, 0], dtype=np.float32)
 """Drops a point to the table top."""
 WALL_SHADE = 0.6
 """Brightness of the foot of a wall against its upper edge: the viewer lights no vertex colours."""
+IMAGE_PLANE_M = 0.16
+"""Distance from the camera at which the scene shows its picture."""
 PIN_TOP_M = 0.07
 PIN_RADIUS_M = 0.0008
 
@@ -142,6 +146,25 @@ def log_scene(
         recording.log("world/objects/seen", mesh, static=True)
     if scene is not None:
         _log_pins(recording, spec, scene)
+
+
+def log_hand_camera(recording: rr.RecordingStream, spec: StationSpec) -> None:
+    """Log where the camera sits on the tool and how it projects, for all time."""
+    camera, k = spec.camera, spec.camera.intrinsics
+    offset_m = (camera.x_tool_camera_m, camera.y_tool_camera_m, camera.z_tool_camera_m)
+    recording.log(CAMERA, rr.Transform3D(translation=offset_m), static=True)
+    recording.log(
+        CAMERA,
+        rr.Pinhole(
+            resolution=(k.width, k.height),
+            focal_length=(k.fx, k.fy),
+            principal_point=(k.cx + CENTRE_PX, k.cy + CENTRE_PX),
+            image_plane_distance=IMAGE_PLANE_M,
+            color=palette.CHOSEN,
+            line_width=0.0015,
+        ),
+        static=True,
+    )
 
 
 def _log_pins(recording: rr.RecordingStream, spec: StationSpec, scene: SceneObjects) -> None:

@@ -30,7 +30,6 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from handsight.datasets.records import StationSpec
 from handsight.evaluation.trial import TrialRecording
 from handsight.evaluation.watching import TrialStart
 from handsight.servoing.heatmap import Heatmap
@@ -52,11 +51,9 @@ from handsight.viz.recordings.encoding import (
 from handsight.viz.recordings.glyphs import STAY, gripper_boxes, log_arrow, log_jaws, log_label, log_outlined
 from handsight.viz.recordings.layouts import CAMERA, OUTSIDE, TIMELINE
 from handsight.viz.recordings.scales import score_scale
-from handsight.viz.recordings.scene import log_scene
+from handsight.viz.recordings.scene import log_hand_camera, log_scene
 from handsight.viz.recordings.summary import cause, outcome, step_table, trial_summary, under_way
 
-IMAGE_PLANE_M = 0.16
-"""Distance from the camera at which the scene shows its picture."""
 MUTED_ORDER = 5.0
 """Over the picture in its colours, under heat."""
 SAMPLES_ORDER = 20.0
@@ -103,7 +100,9 @@ class TraceLog:
         log_scene(stream, start.overhead, start.station, start.scene)
         if self.arm is not None:
             log_arm_shape(stream, self.arm)
-        _log_camera(stream, start.station)
+        stream.log("world/tool", rr.TransformAxes3D(0.06), static=True)
+        stream.log("world/tool/gripper", gripper_boxes(start.station.gripper_stroke_m), static=True)
+        log_hand_camera(stream, start.station)
         k = start.station.camera.intrinsics
         stream.log(
             f"{CAMERA}/scale",
@@ -287,26 +286,6 @@ def mm_deg(proposal: Proposal) -> tuple[float, float, float]:
     """A chosen step in millimetres and degrees."""
     dx_m, dy_m, dangle_rad = proposal.step.tolist()
     return 1e3 * dx_m, 1e3 * dy_m, math.degrees(dangle_rad)
-
-
-def _log_camera(stream: rr.RecordingStream, spec: StationSpec) -> None:
-    camera, k = spec.camera, spec.camera.intrinsics
-    offset_m = (camera.x_tool_camera_m, camera.y_tool_camera_m, camera.z_tool_camera_m)
-    stream.log("world/tool", rr.TransformAxes3D(0.06), static=True)
-    stream.log("world/tool/gripper", gripper_boxes(spec.gripper_stroke_m), static=True)
-    stream.log(CAMERA, rr.Transform3D(translation=offset_m), static=True)
-    stream.log(
-        CAMERA,
-        rr.Pinhole(
-            resolution=(k.width, k.height),
-            focal_length=(k.fx, k.fy),
-            principal_point=(k.cx + 0.5, k.cy + 0.5),
-            image_plane_distance=IMAGE_PLANE_M,
-            color=palette.CHOSEN,
-            line_width=0.0015,
-        ),
-        static=True,
-    )
 
 
 def _log_samples(stream: rr.RecordingStream, proposal: Proposal, frame: PictureFrame) -> None:
