@@ -69,7 +69,7 @@ class Browser:
         self._settings = settings
         self._curator = curator
         self._rows = browser_rows(dataset, ids)
-        first = self._first_with_picture(ids)
+        first = self._first_with_picture()
         self._counts = _counts(self._rows)
         self._catalog = Catalog(TABLE)
         try:
@@ -180,13 +180,13 @@ class Browser:
             self._catalog.write_again(self._batch({key: self._rows[key] for key in again}))
         return changed
 
-    def _first_with_picture(self, ids: Sequence[str]) -> str:
-        taken = self._dataset.rows(ids, ("overhead_taken",))["overhead_taken"]
-        if not taken.any():
-            raise BrowserError(
-                f"of {counted(len(taken), 'attempt')} none took a picture, expected one at least: choose others"
-            )
-        return str(taken.index[taken.to_numpy(dtype=bool)][0])
+    def _first_with_picture(self) -> str:
+        for key, row in self._rows.items():
+            if row.overhead_taken:
+                return key
+        raise BrowserError(
+            f"of {counted(len(self._rows), 'attempt')} none took a picture, expected one at least: choose others"
+        )
 
     def _lay_out(self, first: str) -> None:
         station, attempt = self._dataset.station(first), self._dataset.attempt(first)

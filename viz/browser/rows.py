@@ -35,6 +35,7 @@ _COLUMNS = (
     "pregrasp_x_m",
     "pregrasp_y_m",
     "pregrasp_angle_rad",
+    "overhead_taken",
 )
 # The viewer writes the value of a row again by the column so marked.
 _IS_INDEX = {b"rerun:is_table_index": b"true"}
@@ -95,6 +96,8 @@ class BrowserRow:
     pregrasp_y_m: float
     pregrasp_angle_rad: float
     """The pre-grasp pose in the base frame; NaN where none was chosen."""
+    overhead_taken: bool
+    """Whether there is a picture to show."""
 
     @property
     def title(self) -> str:
