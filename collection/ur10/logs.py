@@ -10,6 +10,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from handsight.datasets.atomic import write_text
+
 
 def append_line(path: Path, values: dict[str, Any]) -> None:
     """Append one line of JSON, on disk when this returns."""
@@ -43,12 +45,8 @@ class Heartbeat:
     def beat(self, state: str, **values: Any) -> None:
         """Replace the file."""
         self.path.parent.mkdir(parents=True, exist_ok=True)
-        fresh = self.path.with_name(f".{self.path.name}.{os.getpid()}")
-        fresh.write_text(
-            json.dumps({"at": now(), "unix_s": time.time(), "pid": os.getpid(), "state": state, **values}) + "\n",
-            encoding="utf-8",
-        )
-        fresh.replace(self.path)
+        said = {"at": now(), "unix_s": time.time(), "pid": os.getpid(), "state": state, **values}
+        write_text(self.path, json.dumps(said) + "\n")
 
 
 def now() -> str:
