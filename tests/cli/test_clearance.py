@@ -1,4 +1,4 @@
-"""``handsight clearance`` on an untrained network: what it prefers is arbitrary, what is told of it is what is tested."""
+"""``handsight clearance`` on an untrained network: what it prefers is arbitrary, what is told of it is tested."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ def test_tables_are_told_in_rows_and_in_json(
     model: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("COLUMNS", "80")
-    words = ["clearance", "--model", str(model), "--objects", "blocks-test", "--objects-per-scene", "2", "-n", "2", "-w", "1"]
-    words += ["--methods", "random,cem-1", "--failures", "2"]
+    words = ["clearance", "--model", str(model), "--objects", "blocks-test", "--objects-per-scene", "2"]
+    words += ["--methods", "random,cem-1", "--failures", "2", "-n", "2", "-w", "1"]
     assert run([*words, "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert [row["method"] for row in told["rows"]] == ["random", "cem-1"]

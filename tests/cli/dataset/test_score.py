@@ -50,14 +50,14 @@ def test_scores_are_those_of_the_network_and_sort_the_list(lab: Path, capsys: py
     stored = dataset.table("score_net")["score_net"].reindex(data.attempts.index)
     np.testing.assert_allclose(stored, expected, atol=1e-6)
     labels = data.attempts["success"].astype(float)
-    assert told["wrong"] == int((np.abs(expected - labels) > 0.5).sum())
+    errors = (labels - expected).abs()
+    assert told["wrong"] == int((errors > 0.5).sum())
     assert told["source"] == f"weights {model.weights_sha256}"
     rows = said(capsys, "ls", "grasps", "--sort", "error_net", "--reverse", "-n", "18")
-    worst = np.abs(expected - labels).sort_values(ascending=False)
-    errors = [worst[row["attempt"]] for row in rows]
-    assert errors == sorted(errors, reverse=True)
-    listed = said(capsys, "score", "grasps")
-    assert [(one["scores"], one["attempts"]) for one in listed] == [("net", 18)]
+    listed = [errors[row["attempt"]] for row in rows]
+    assert listed == sorted(listed, reverse=True)
+    stores = said(capsys, "score", "grasps")
+    assert [(one["scores"], one["attempts"]) for one in stores] == [("net", 18)]
 
 
 def test_scores_are_replaced_when_asked_and_forgotten(lab: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -65,7 +65,8 @@ def test_scores_are_replaced_when_asked_and_forgotten(lab: Path, capsys: pytest.
     shown = capsys.readouterr().out
     assert "scored 18 attempts" in shown
     assert "handsight dataset ls grasps --sort error_net --reverse -n 20" in shown
-    check_refused(capsys, ["dataset", "score", "grasps", "net", "--model", "run"], "there are scores 'net' already: replace them")
+    again = ["dataset", "score", "grasps", "net", "--model", "run"]
+    check_refused(capsys, again, "there are scores 'net' already: replace them")
     assert said(capsys, "score", "grasps", "net", "--model", "run", "--replace")["stored"]
     assert said(capsys, "score", "grasps", "net", "--delete", "--dry-run")["deleted"] is False
     assert run(["dataset", "score", "grasps"]) == 0
