@@ -15,6 +15,7 @@ from handsight.collection.sim.config import D435_COLOUR_FOV_Y_RAD, D435_ON_GRIPP
 from handsight.collection.sim.grippers import GRIPPERS
 from handsight.collection.ur10.emulator.camera import CameraSettings
 from handsight.collection.ur10.emulator.faults import Fault
+from handsight.collection.ur10.emulator.forces import Payload
 from handsight.collection.ur10.emulator.generation import GENERATIONS
 from handsight.collection.ur10.emulator.launch import Launch
 from handsight.collection.ur10.emulator.rg2 import PORT as RG2_PORT
@@ -65,7 +66,7 @@ def emulated_rig(
         seed=seed,
         rg2=(rig.gripper.address, rig.gripper.port or RG2_PORT) if rg2 else None,
         faults_per_hour=faults_per_hour,
-        true_payload_kg=rig.robot.payload_kg,
+        true_payload=Payload(rig.robot.payload_kg, rig.robot.centre_of_mass_m),
         camera=_camera(rig, depth_noise_px, seed),
     )
     return Launch(

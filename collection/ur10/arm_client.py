@@ -53,6 +53,8 @@ class ArmState:
     speed_m_s: float
     force_n: tuple[float, float, float]
     """On the tool, in base axes."""
+    torque_nm: tuple[float, float, float]
+    """About the tool, in base axes."""
     temperatures_c: tuple[float, ...]
     runtime: int
     mode: int
@@ -158,6 +160,7 @@ class ArmClient:
             tcp_pose=tuple(r.getActualTCPPose()),
             speed_m_s=float(np.linalg.norm(speed[:3])),
             force_n=(force[0], force[1], force[2]),
+            torque_nm=(force[3], force[4], force[5]),
             temperatures_c=tuple(r.getJointTemperatures()),
             runtime=int(r.getRuntimeState()),
             mode=int(r.getRobotMode()),

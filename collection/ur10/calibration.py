@@ -1,4 +1,4 @@
-"""What was measured of a rig, kept in one file: hand-eye, table plane and jaws, each with id, date and residuals.
+"""What was measured of a rig, kept in one file: hand-eye, table, jaws, payload and reach, with id, dates and residuals.
 
 Every attempt carries it, through the configuration of its session; a rig with another camera or arm than the one that
 was measured does not move.
@@ -84,17 +84,56 @@ class JawCalibration:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class PayloadCalibration:
+    """What hangs on the flange, weighed by the arm."""
+
+    date: str
+    mass_kg: float
+    centre_of_mass_m: tuple[float, float, float]
+    """In the flange frame."""
+    told_kg: float
+    """What the controller was told while it was weighed."""
+    residual_n: float
+    residual_nm: float
+    poses: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReachCalibration:
+    """Which part of the workspace arm and controller allow."""
+
+    date: str
+    x_min_m: float
+    y_min_m: float
+    step_m: float
+    rows: tuple[str, ...]
+    """One for each cell along x, a character for each along y: ``#`` is reached, ``.`` is not."""
+
+    def __post_init__(self) -> None:
+        if not self.rows or len({len(row) for row in self.rows}) != 1 or set("".join(self.rows)) - set("#."):
+            raise ValueError("the rows are of no map")
+
+    @property
+    def share(self) -> float:
+        """Of the cells that are reached."""
+        return sum(row.count("#") for row in self.rows) / sum(map(len, self.rows))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Calibration:
     """Everything that was measured so far."""
 
     camera: CameraCalibration | None = None
     table: TableCalibration | None = None
     jaws: JawCalibration | None = None
+    payload: PayloadCalibration | None = None
+    reach: ReachCalibration | None = None
 
     @property
     def id(self) -> str:
         """Of these values: twelve hexadecimal digits."""
-        return hashlib.sha256(json.dumps(asdict(self), sort_keys=True).encode()).hexdigest()[:12]
+        measured = {name: value for name, value in asdict(self).items() if value is not None}
+        return hashlib.sha256(json.dumps(measured, sort_keys=True).encode()).hexdigest()[:12]
 
     def to_json(self) -> dict[str, Any]:
         """All of it as JSON values, with its id."""
@@ -165,7 +204,7 @@ def today() -> str:
 def _from_json(values: Mapping[str, Any]) -> Calibration:
     if not isinstance(values, Mapping):
         raise TypeError("it holds no object")
-    camera, table, jaws = (values.get(name) for name in ("camera", "table", "jaws"))
+    camera, table, jaws, payload, reach = (values.get(name) for name in ("camera", "table", "jaws", "payload", "reach"))
     return Calibration(
         camera=None
         if camera is None
@@ -179,6 +218,14 @@ def _from_json(values: Mapping[str, Any]) -> Calibration:
         ),
         table=None if table is None else TableCalibration(**_known(TableCalibration, table)),
         jaws=None if jaws is None else JawCalibration(**_known(JawCalibration, jaws)),
+        payload=None
+        if payload is None
+        else PayloadCalibration(
+            **{**_known(PayloadCalibration, payload), "centre_of_mass_m": _three(payload["centre_of_mass_m"])}
+        ),
+        reach=None
+        if reach is None
+        else ReachCalibration(**{**_known(ReachCalibration, reach), "rows": tuple(map(str, reach["rows"]))}),
     )
 
 

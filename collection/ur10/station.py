@@ -37,6 +37,7 @@ from handsight.collection.ur10.gripper import Gripper, GripResult, gripper_for
 from handsight.collection.ur10.guards import disk_fault, height_over_table_m, temperature_fault
 from handsight.collection.ur10.logs import Heartbeat, OperatorLog, append_line, now
 from handsight.collection.ur10.poses import matrix_of
+from handsight.collection.ur10.reach import check_reach, reached_workspace
 from handsight.collection.ur10.recovery import Recovery
 from handsight.collection.ur10.rectify import Rectifier
 from handsight.collection.ur10.rig import RigConfig
@@ -62,10 +63,12 @@ class Ur10StationFactory:
         """The station of a rig with its calibration.
 
         Raises:
-            RigSettingsError: The calibration is missing, damaged, or of another camera.
+            RigSettingsError: The calibration is missing, damaged, or of another camera or workspace.
         """
         calibration = load_calibration(rig.calibration)
         check_calibration(calibration, rig.calibration, rig.camera.serial)
+        if calibration.reach is not None:
+            check_reach(calibration.reach, rig.workspace)
         return cls(rig=measured(rig, calibration), calibration=calibration, data_folder=data_folder)
 
     @property
@@ -113,6 +116,10 @@ def measured(rig: RigConfig, calibration: Calibration) -> RigConfig:
     if calibration.jaws is not None:
         jaws = calibration.jaws
         rig = replace(rig, gripper=replace(rig.gripper, open_count=jaws.open_count, closed_count=jaws.closed_count))
+    if calibration.payload is not None:
+        weighed = calibration.payload
+        robot = replace(rig.robot, payload_kg=weighed.mass_kg, centre_of_mass_m=weighed.centre_of_mass_m)
+        rig = replace(rig, robot=robot)
     return rig
 
 
@@ -123,6 +130,7 @@ class Ur10Station:
         """Connect to everything, and lift the tool if the last session ended low; see the factory for errors."""
         rig = self._rig = factory.rig
         self._data_folder = factory.data_folder
+        self._workspace = reached_workspace(rig.workspace, factory.calibration.reach)
         self._spec = factory.spec
         camera = check_calibration(factory.calibration, rig.calibration, rig.camera.serial)
         self._rectifier = Rectifier(camera.intrinsics, camera.rotation)
@@ -160,7 +168,7 @@ class Ur10Station:
     @property
     def workspace(self) -> Workspace:
         """Where grasps are drawn."""
-        return self._rig.workspace.area
+        return self._workspace
 
     @property
     def clock_s(self) -> float:
@@ -334,7 +342,7 @@ class Ur10Station:
     def _put_down(self, rng: np.random.Generator) -> None:
         """Carry what is held to a random place, lower it and let it fall; the stream is used alike if nothing is."""
         area = self._rig.workspace
-        x_m, y_m = area.area.sample(rng)
+        x_m, y_m = self._workspace.sample(rng)
         yaw_rad = rng.uniform(-0.5 * math.pi, 0.5 * math.pi)
         if not self._holding:
             return

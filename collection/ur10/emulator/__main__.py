@@ -19,6 +19,7 @@ from handsight.collection.ur10.emulator.camera import PORT as CAMERA_PORT
 from handsight.collection.ur10.emulator.camera import CameraSettings, MountedCamera
 from handsight.collection.ur10.emulator.errors import EmulatorError
 from handsight.collection.ur10.emulator.faults import Fault
+from handsight.collection.ur10.emulator.forces import Payload
 from handsight.collection.ur10.emulator.generation import E_SERIES, GENERATIONS
 from handsight.collection.ur10.emulator.launch import FASTEST, SLOWEST, Launch, end_with_parent, run
 from handsight.collection.ur10.emulator.rg2 import PORT as RG2_PORT
@@ -57,6 +58,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--mount", metavar="X,Y,Z,RX,RY,RZ", help="camera in the tool frame [m, rad]")
     parser.add_argument("--depth-noise", type=float, default=0.0, metavar="PX", help="of the disparity; 0 for none")
     parser.add_argument("--payload", type=float, default=1.3, metavar="KG", help="what really hangs on the flange")
+    parser.add_argument("--payload-centre", metavar="X,Y,Z", help="its centre of mass in the flange frame [m]")
     parser.add_argument("--speed", type=float, default=1.0, help="robot time per wall time, at most")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--faults-per-hour", type=float, default=0.0, help="at random, of robot time")
@@ -79,6 +81,7 @@ def launch_of(options: argparse.Namespace) -> Launch:
             wrong.append(str(error))
     area = _numbers("--workspace", options.workspace, 4, wrong)
     mount = _numbers("--mount", options.mount, 6, wrong)
+    centre = _numbers("--payload-centre", options.payload_centre, 3, wrong) or Payload().centre_m
     if options.camera is not None and options.objects is None:
         wrong.append("--camera is given without --objects, expected a world that it sees")
     if not SLOWEST <= options.speed <= FASTEST:
@@ -94,7 +97,7 @@ def launch_of(options: argparse.Namespace) -> Launch:
         seed=options.seed,
         rg2=None if options.rg2 is None else _place(options.rg2, RG2_PORT),
         faults_per_hour=options.faults_per_hour,
-        true_payload_kg=options.payload,
+        true_payload=Payload(options.payload, centre),
         camera=_camera(options, mount),
     )
     return Launch(rig=rig, world=_world(options, area), control_port=options.control, faults=tuple(faults))

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from handsight.collection.errors import UnreachableError
 from handsight.collection.sim.kinematics import JOINT_LIMITS_RAD, flange_pose
-from handsight.collection.ur10.emulator.forces import ForceSensor
+from handsight.collection.ur10.emulator.forces import ForceSensor, Payload
 from handsight.collection.ur10.emulator.generation import Generation
 from handsight.collection.ur10.emulator.machine import Machine, RobotMode, Runtime, SafetyMode
 from handsight.collection.ur10.emulator.motion import Motion
@@ -36,7 +36,9 @@ SERIAL = "2016350000"
 class Controller:
     """State of the robot, and what a period does to it."""
 
-    def __init__(self, generation: Generation, world: World, *, seed: int = 0, true_payload_kg: float = 1.3) -> None:
+    def __init__(
+        self, generation: Generation, world: World, *, seed: int = 0, true_payload: Payload | None = None
+    ) -> None:
         """A robot that is running, standing where ``world`` has it.
 
         ``clock_s`` counts on when the controller starts anew; the ``timestamp`` that clients read begins at zero.
@@ -45,7 +47,7 @@ class Controller:
             generation: Which controller.
             world: What the arm acts on.
             seed: Of the noise.
-            true_payload_kg: What really hangs on the flange; the controller is told by ``setPayload``.
+            true_payload: What really hangs on the flange; the controller is told by ``setPayload``.
         """
         self.generation = generation
         self.world = world
@@ -55,7 +57,8 @@ class Controller:
         self.tcp_offset = np.eye(4)
         self.payload_kg = 0.0
         self.payload_cog_m: tuple[float, ...] = (0.0, 0.0, 0.0)
-        self.sensor = ForceSensor(generation, np.random.default_rng([seed, 30004]), true_payload_kg=true_payload_kg)
+        rng = np.random.default_rng([seed, 30004])
+        self.sensor = ForceSensor(generation, rng, true_payload=true_payload or Payload())
         self.inputs: dict[str, Any] = {}
         self.ints_in = [0] * REGISTERS
         self.doubles_in = [0.0] * REGISTERS
@@ -110,7 +113,7 @@ class Controller:
         self.target_rad = self.world.joints_rad.copy()
         self.machine.power_off()
         self.set_tcp(np.zeros(6))
-        self.payload_kg = 0.0
+        self.payload_kg, self.payload_cog_m = 0.0, (0.0, 0.0, 0.0)
         self._booted_s = self.clock_s
 
     def feed(self) -> None:
@@ -179,7 +182,12 @@ class Controller:
             self._tool_speed[:3] = (self._pose[:3, 3] - before_m) / seconds
             self.lowest_tip_z_m = min(self.lowest_tip_z_m, self.tip_z_m)
         self.sensor.read(
-            seconds, joints_rad=joints_rad, acceleration_rad_s2=acceleration_rad_s2, payload_kg=self.payload_kg
+            seconds,
+            joints_rad=joints_rad,
+            acceleration_rad_s2=acceleration_rad_s2,
+            pose_base_tool=self._pose,
+            tool_m=self.tcp_offset[:3, 3],
+            told=Payload(self.payload_kg, self.payload_cog_m),
         )
 
     def _guard(self) -> None:
