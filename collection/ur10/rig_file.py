@@ -185,10 +185,9 @@ def _value(value: Any, hint: Any, where: str, faults: list[str], folder: Path) -
         if not good or (length is not None and len(value) != length):
             faults.append(f"{where} is {reprlib.repr(value)}, expected {_expected(hint)}")
             return None
-        if inner[0] is float and max(map(abs, value)) > 1.0:
-            faults.append(
-                f"{where} is {reprlib.repr(value)}, expected metres within 1{_unit_hint(max(map(abs, value)), 1.0, where)}"
-            )
+        if inner[0] is float and (largest := max(map(abs, value))) > 1.0:
+            hinted = _unit_hint(largest, 1.0, where)
+            faults.append(f"{where} is {reprlib.repr(value)}, expected metres within 1{hinted}")
         return tuple(inner[0](one) for one in value)
     if not _is(value, str if hint is Path else hint):
         faults.append(f"{where} is {shown(value)}, expected {_expected(hint)}")
