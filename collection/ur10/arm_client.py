@@ -100,6 +100,8 @@ class ArmClient:
         self._receive = self._tried(self._open_receive)
         self._seen = (-1.0, time.monotonic())
         self._control: Any = None
+        self.still_at_it: Callable[[], None] = lambda: None
+        """Called with every reading, so that a hanging call of the library is told from a long move."""
 
     def _open_receive(self) -> Any:
         from rtde_receive import RTDEReceiveInterface
@@ -143,6 +145,7 @@ class ArmClient:
         Raises:
             DeviceLostError: Nothing new came for ``stale_s``.
         """
+        self.still_at_it()
         r = self._receive
         timestamp_s = float(r.getTimestamp())
         now_s = time.monotonic()
