@@ -1,34 +1,45 @@
 """Every fault of the emulated rig in every phase of an attempt, and what becomes of it.
 
-As a program it runs the whole matrix and prints a line of JSON for each case:
-``python -m tests.support.rig_faults [--generation cb3] [--faults a,b] [--phases c,d]``. A few cases are tests.
+As a program it runs the whole matrix, appends a line of JSON for each case to a file, leaves out what the file has
+already, and prints the table of it: ``python -m tests.support.rig_faults --out cases.jsonl [--generation cb3]
+[--faults a,b] [--phases c,d]``, ``--table`` for the table alone. A few cases are tests.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import os
+import resource
+import signal
 import sys
 import tempfile
 import time
-from contextlib import AbstractContextManager
-from dataclasses import asdict, dataclass, field
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import AbstractContextManager, suppress
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
+from tests.support.alarms import Alarms, listening
 from tests.support.emulated_rig import CONTROL_PORT, RunningRig, running_rig
 from tests.support.rig_files import station_factory
+from tests.support.watched_rig import AimedPolicy, WatchedFactory, WatchedStation
 
 from handsight.collection.collector import CollectSettings
 from handsight.collection.errors import CollectionError
+from handsight.collection.ur10.dashboard import Dashboard
+from handsight.collection.ur10.rig import GENERATIONS, WorkspaceConfig
 from handsight.collection.ur10.session import collect_on_rig
-from handsight.collection.ur10.station import Ur10StationFactory
 from handsight.datasets import GraspDataset, GraspRepository
-from handsight.datasets.records import GraspAttempt, Outcome
+from handsight.datasets.errors import DatasetError
+from handsight.datasets.records import GraspAttempt
 
 PHASES = ("look", "reach", "descend", "close", "lift", "shake", "release")
 FAULTS = (
     "drop",
-    "freeze",
+    "freeze:s=3",
     "kill-controller",
     "protective-stop",
     "emergency-stop",
@@ -38,10 +49,13 @@ FAULTS = (
     "safety-violation",
     "force-noise",
     "force-drift",
-    "in-use",
-    "remote-off",
+    # Both matter to a client that connects.
+    "in-use+drop",
+    "remote-off+drop",
     "gripper-fault",
+    "gripper-fault:code=14",
     "gripper-silent:s=3",
+    "gripper-silent",
     "gripper-reset",
     "slip",
     "joint-hot",
@@ -53,10 +67,18 @@ FAULTS = (
     "camera-frozen:cure=reset",
     "camera-black:cure=power-cycle",
     "camera-unplugged",
+    "disk-full",
+    "kill-arm",
+    "kill-camera",
 )
-ATTEMPTS = 2
-LOWEST_M = 0.0
-"""Fingertips must not have been below the table."""
+HELD_PHASES = ("lift", "shake", "release")
+"""Phases in which something may slip."""
+STATION_PHASE = {"release": "settle"}
+"""What the station calls a phase, where that is another word."""
+MOST_ATTEMPTS = 12
+"""Of a case: some wait for a grasp that holds."""
+SLACK_M = 0.005
+STAND_S = 10.0
 POWER_CYCLE = """
 import json, socket, sys, time
 with socket.create_connection((sys.argv[1], int(sys.argv[2])), timeout=10) as c:
@@ -76,6 +98,8 @@ class Verdict:
     outcomes: list[str] = field(default_factory=list)
     failures: list[str] = field(default_factory=list)
     paused: str = ""
+    stopped: str = ""
+    """The error that ended the session otherwise."""
     seconds: float = 0.0
     wrong: list[str] = field(default_factory=list)
     """What must not have happened."""
@@ -83,75 +107,109 @@ class Verdict:
     @property
     def ending(self) -> str:
         """How the rig got over it."""
-        if self.paused:
-            return "paused"
+        if not self.fired:
+            return "did not happen"
+        if self.paused or self.stopped:
+            return "paused" if self.paused else "stopped"
         return "recovered" if self.failures else "unharmed"
+
+
+class _EnoughSeen(KeyboardInterrupt):
+    """The fault has happened, and an attempt came after it: the operator ends the session."""
 
 
 class Matrix:
     """One emulated rig that is driven through cases."""
 
-    def __init__(self, rig: RunningRig, folder: Path) -> None:
-        """Collect into ``folder``."""
+    def __init__(self, rig: RunningRig, folder: Path, alarms: Alarms) -> None:
+        """Collect into ``folder``; ``alarms`` hears of pauses."""
         self.rig = rig
         program = folder / "power_cycle.py"
         program.write_text(POWER_CYCLE, encoding="utf-8")
-        self.factory: Ur10StationFactory = station_factory(
-            folder, rig, power_cycle=(sys.executable, str(program), rig.robot, str(CONTROL_PORT))
+        found = station_factory(folder, rig, power_cycle=(sys.executable, str(program), rig.robot, str(CONTROL_PORT)))
+        alarm = replace(found.rig.alarm, webhook=alarms.url)
+        self.alarms = alarms
+        self.factory = WatchedFactory(
+            rig=replace(found.rig, alarm=alarm), calibration=found.calibration, watched=rig, at_phase=self._at_phase
         )
         self.dataset = folder / "grasps"
         self.told: list[GraspAttempt] = []
+        self._due: tuple[str, str] | None = None
+        self._happened = 0
 
     def run(self, fault: str, phase: str) -> Verdict:
         """Let one fault happen in one phase of the next attempts."""
         verdict = Verdict(fault=fault, phase=phase)
         begun = time.monotonic()
-        self.rig.do("clear")
-        self.rig.do("release")
-        # What fell off the table, and what a fault of before has left in the jaws.
-        self.rig.do("refill")
-        before = len(self.rig.do("status")["fired"])
-        armed = self.rig.do("fault", fault=f"{fault}@{phase}")
-        if "error" in armed:
-            raise AssertionError(armed["error"])
-        self._collect(verdict)
-        status = self.rig.do("status")
-        verdict.fired = len(status["fired"]) - before
-        if status["lowest_tip_z_m"] < LOWEST_M:
-            verdict.wrong.append(f"fingertips were at {status['lowest_tip_z_m']:.4f} m")
+        repair(self.rig)
+        before = len(self._status()["fired"])
+        self._happened, self._due = 0, (fault, phase)
+        try:
+            self._collect(verdict, lambda: self._happened + len(self._status()["fired"]) - before)
+        finally:
+            self._due = None
+            _let_files_grow()
+        verdict.fired = self._happened + len(self._status()["fired"]) - before
+        self._check_place(verdict)
         self._check_kept(verdict)
-        verdict.seconds = time.monotonic() - begun
+        if verdict.paused and not any(verdict.paused in text for text in self.alarms.heard):
+            verdict.wrong.append("the alarm did not tell of the pause")
+        verdict.seconds = round(time.monotonic() - begun, 1)
         return verdict
 
-    def _collect(self, verdict: Verdict) -> None:
+    def _status(self) -> dict[str, Any]:
+        return self.rig.do("status")
+
+    def _at_phase(self, station: WatchedStation, phase: str) -> None:
+        """Let the fault that is due happen: in the attempt itself, and not on the way to its beginning."""
+        if self._due is None or phase != STATION_PHASE.get(self._due[1], self._due[1]):
+            return
+        if phase == "settle" and not station.holding:
+            return
+        (fault, when), self._due = self._due, None
+        if fault in LOCAL:
+            self._happened += 1
+            LOCAL[fault](station)
+            return
+        for one in fault.split("+"):
+            armed = self.rig.do("fault", fault=f"{one}@{when}")
+            if "error" in armed:
+                raise AssertionError(armed["error"])
+
+    def _collect(self, verdict: Verdict, fired: Callable[[], int]) -> None:
         here = len(self.told)
+        since = 0
 
         def told(attempt: GraspAttempt, _: int) -> None:
+            nonlocal since
             self.told.append(attempt)
             verdict.outcomes.append(attempt.outcome.name)
             if attempt.failure:
                 verdict.failures.append(attempt.failure[:160])
-            self._check_label(attempt, verdict)
+            if attempt.labelled and attempt.truth_held != attempt.success:
+                verdict.wrong.append(f"attempt {attempt.number} is {attempt.outcome.name}, held: {attempt.truth_held}")
+            since += fired() > 0
+            if since > 1:
+                raise _EnoughSeen
 
+        settings = CollectSettings(attempts=here + MOST_ATTEMPTS, policy=AimedPolicy(self.rig))
         try:
-            report = collect_on_rig(
-                GraspRepository.open_or_create(self.dataset),
-                self.factory,
-                CollectSettings(attempts=here + ATTEMPTS),
-                resume=True,
-                on_attempt=told,
-            )
-            verdict.paused = report.paused
-        except CollectionError as error:
-            # Raised where nothing has moved yet: the session did not begin.
-            verdict.paused = f"{type(error).__name__}: {error}"
+            repository = GraspRepository.open_or_create(self.dataset)
+            verdict.paused = collect_on_rig(repository, self.factory, settings, resume=True, on_attempt=told).paused
+        except _EnoughSeen:
+            pass
+        except (CollectionError, DatasetError) as error:
+            verdict.stopped = f"{type(error).__name__}: {error}"
 
-    def _check_label(self, attempt: GraspAttempt, verdict: Verdict) -> None:
-        if attempt.outcome not in (Outcome.HELD, Outcome.EMPTY):
-            return
-        held = any(one["held"] for one in self.rig.do("scene")["objects"])
-        if held != attempt.success:
-            verdict.wrong.append(f"attempt {attempt.number} is labelled {attempt.outcome.name}, held in truth: {held}")
+    def _check_place(self, verdict: Verdict) -> None:
+        """Whatever was killed, the arm comes to a stand, and was never outside."""
+        until = time.monotonic() + STAND_S
+        while (status := self._status())["moving"] and time.monotonic() < until:
+            time.sleep(0.05)
+        if status["moving"]:
+            verdict.wrong.append("the arm goes on moving")
+        if not stayed_inside(self.factory.rig.workspace, status["travelled_m"]):
+            verdict.wrong.append(f"the fingertips were between {status['travelled_m']}")
 
     def _check_kept(self, verdict: Verdict) -> None:
         kept = len(GraspDataset.open(str(self.dataset)).attempts) if self.told else 0
@@ -159,25 +217,116 @@ class Matrix:
             verdict.wrong.append(f"{len(self.told)} attempts were told of, {kept} are kept")
 
 
+def stayed_inside(area: WorkspaceConfig, travelled_m: Sequence[Sequence[float]]) -> bool:
+    """Whether the fingertips never left the workspace and its margin, nor touched the table."""
+    beside_m = area.margin_m + SLACK_M
+    least = (area.x_min_m - beside_m, area.y_min_m - beside_m, 0.0)
+    most = (area.x_max_m + beside_m, area.y_max_m + beside_m, area.overhead_height_m + beside_m)
+    low, high = travelled_m
+    return all(a <= b for a, b in zip((*least, *high), (*low, *most), strict=True))
+
+
+def repair(rig: RunningRig) -> None:
+    """What a person does at the cell: after that everything can go on."""
+    rig.do("clear")
+    rig.do("release")
+    with Dashboard(rig.robot) as dashboard:
+        if dashboard.safety() in ("FAULT", "VIOLATION"):
+            dashboard.ask("restart safety")
+    # What fell off the table, and what a fault of before has left in the jaws.
+    rig.do("refill")
+
+
+def _kill(station: WatchedStation, name: str) -> None:
+    pid = getattr(station, name).child.pid
+    if pid is not None:
+        os.kill(pid, signal.SIGKILL)
+
+
+def _fill_disk(station: WatchedStation) -> None:
+    """No file of this process grows any more; Python ignores the signal, so writing fails as on a full disk."""
+    resource.setrlimit(resource.RLIMIT_FSIZE, (0, resource.getrlimit(resource.RLIMIT_FSIZE)[1]))
+
+
+def _let_files_grow() -> None:
+    most = resource.getrlimit(resource.RLIMIT_FSIZE)[1]
+    resource.setrlimit(resource.RLIMIT_FSIZE, (most, most))
+
+
+LOCAL: dict[str, Callable[[WatchedStation], None]] = {
+    "disk-full": _fill_disk,
+    "kill-arm": lambda station: _kill(station, "arm"),
+    "kill-camera": lambda station: _kill(station, "camera"),
+}
+"""Faults of the machine that collects and not of the rig."""
+
+
+def cases(faults: Iterable[str], phases: Iterable[str]) -> list[tuple[str, str]]:
+    """Every fault in every phase in which it can happen."""
+    phases = list(phases)
+    return [(fault, phase) for fault in faults for phase in phases if fault != "slip" or phase in HELD_PHASES]
+
+
+def table(lines: Iterable[dict[str, Any]]) -> str:
+    """Markdown: a row for each fault, in its cells the ends of CB3 and e-Series, and how many there are of each."""
+    ends: dict[tuple[str, str, str], str] = {}
+    wrong = 0
+    for line in lines:
+        ends[line["fault"], line["phase"], line["generation"]] = line["ending"]
+        wrong += bool(line["wrong"])
+    faults = list(dict.fromkeys(fault for fault, _, _ in ends))
+    rows = [f"| fault | {' | '.join(PHASES)} |", f"|---|{'---|' * len(PHASES)}"]
+    for fault in faults:
+        cells = [_cell([ends.get((fault, phase, name), "") for name in GENERATIONS]) for phase in PHASES]
+        rows.append(f"| `{fault}` | {' | '.join(cells)} |")
+    counts = ", ".join(f"{count} {end}" for end, count in Counter(ends.values()).most_common())
+    return "\n".join([*rows, "", f"{len(ends)} cases: {counts}; {wrong} wrong"])
+
+
+def _cell(ends: Sequence[str]) -> str:
+    return ends[0] if len(set(ends)) == 1 else " / ".join(end or "–" for end in ends)
+
+
 def main() -> int:
-    """Run cases and print what became of each; 1 if anything went wrong."""
+    """Run what is missing of the matrix and print its table; 1 if anything went wrong."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--generation", default="e-series")
     parser.add_argument("--faults", default=",".join(FAULTS))
     parser.add_argument("--phases", default=",".join(PHASES))
-    parser.add_argument("--speed", default="8")
+    parser.add_argument("--speed", default="16")
+    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--table", action="store_true")
     options = parser.parse_args()
-    bad = 0
-    for fault in options.faults.split(","):
-        # A rig of its own for each fault: what one of them has broken is no part of the next.
-        with tempfile.TemporaryDirectory() as folder, _emulated(options.generation, options.speed) as rig:
-            matrix = Matrix(rig, Path(folder))
-            for phase in options.phases.split(","):
-                verdict = matrix.run(fault, phase)
-                bad += bool(verdict.wrong)
-                sys.stdout.write(json.dumps({"ending": verdict.ending, **asdict(verdict)}) + "\n")
-                sys.stdout.flush()
-    return int(bool(bad))
+    lines = _lines(options.out)
+    done = {(line["generation"], line["fault"], line["phase"]) for line in lines}
+    for fault in () if options.table else options.faults.split(","):
+        left = [
+            phase for _, phase in cases([fault], options.phases.split(","))
+            if (options.generation, fault, phase) not in done
+        ]  # fmt: skip
+        if left:
+            _run_fault(fault, left, options)
+    lines = _lines(options.out)
+    sys.stdout.write(table(lines) + "\n")
+    return int(any(line["wrong"] for line in lines))
+
+
+def _run_fault(fault: str, phases: list[str], options: argparse.Namespace) -> None:
+    """A rig of its own for each fault: what one of them has broken is no part of the next."""
+    emulated = _emulated(options.generation, options.speed)
+    with tempfile.TemporaryDirectory() as folder, listening() as alarms, emulated as rig:
+        matrix = Matrix(rig, Path(folder), alarms)
+        for phase in phases:
+            verdict = matrix.run(fault, phase)
+            line = {"generation": options.generation, "ending": verdict.ending, **asdict(verdict)}
+            with options.out.open("a", encoding="utf-8") as file:
+                file.write(json.dumps(line) + "\n")
+
+
+def _lines(path: Path) -> list[dict[str, Any]]:
+    with suppress(FileNotFoundError):
+        return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
+    return []
 
 
 def _emulated(generation: str, speed: str) -> AbstractContextManager[RunningRig]:

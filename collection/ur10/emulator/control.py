@@ -85,7 +85,10 @@ class Control:
             "tcp_pose": [float(value) for value in rig.robot.pose],
             "flange_pose": [float(value) for value in vector_of(flange_pose(rig.world.joints_rad))],
             "tip_z_m": rig.robot.tip_z_m,
-            "lowest_tip_z_m": rig.robot.lowest_tip_z_m,
+            "moving": rig.robot.motion is not None,
+            "travelled_m": [
+                [float(value) for value in end] for end in (rig.robot.travel.low_m, rig.robot.travel.high_m)
+            ],
             "force_n": rig.robot.sensor.wrench[:3],
             "gripper": {name: rig.gripper.get(name) for name in ("POS", "OBJ", "STA", "FLT")},
             "width_m": rig.world.width_m,
