@@ -245,18 +245,26 @@ class PhysicalWorld:
         self._still_s = 0.0
         return len(bodies)
 
-    def exchange(self) -> int:
-        """Take away all objects that are not held, and drop others of the set; returns how many."""
+    def clear(self) -> int:
+        """Take away all objects that are not held; returns how many."""
         held = set(self.held())
         kept = [pair for pair in zip(self.scene.bodies, self.object_ids, strict=True) if pair[0] in held]
-        for body in [body for body in self.scene.bodies if body not in held]:
+        gone = [body for body in self.scene.bodies if body not in held]
+        for body in gone:
             self.scene.remove(body)
-        count = self.config.objects_per_scene - len(kept)
-        names = [name for _, name in kept]
+        self.object_ids = [name for _, name in kept]
+        self._still_s = 0.0
+        return len(gone)
+
+    def exchange(self) -> int:
+        """Take away all objects that are not held, and drop others of the set; returns how many."""
+        self.clear()
+        names = list(self.object_ids)
+        count = self.config.objects_per_scene - len(names)
         others = [model for model in self._models if model.object_id not in names]
         chosen = [others[index] for index in self._rng.choice(len(others), size=count, replace=False)]
         self.scene.drop(chosen, self._rng, Randomization())
-        for body in self.scene.bodies[len(kept) :]:
+        for body in self.scene.bodies[len(names) :]:
             self.scene.put(body, self._free_place(body), random_rotation(self._rng))
         self.object_ids = [*names, *(model.object_id for model in chosen)]
         self._still_s = 0.0

@@ -164,6 +164,15 @@ def test_objects_are_exchanged_for_others_of_the_set(rig: EmulatedRig, world: Ph
     assert world.scene.poses()[0, 2] < 0.1  # It has come down.
 
 
+def test_table_is_emptied_and_filled_again(rig: EmulatedRig, world: PhysicalWorld) -> None:
+    assert world.clear() == 1
+    let_pass(rig, 1.0)
+    assert (world.object_ids, world.scene.bodies, world.held(), world.lost()) == ([], [], [], [])
+    assert world.exchange() == 1
+    let_pass(rig, 3.0)
+    assert len(world.scene.poses()) == 1
+
+
 @pytest.mark.parametrize("way", ["refill", "exchange"])
 def test_nothing_is_dropped_onto_the_arm(rig: EmulatedRig, world: PhysicalWorld, way: str) -> None:
     line(rig, 0.65, 0.0, 0.15)
