@@ -86,7 +86,7 @@ class Control:
             "tcp_pose": [float(value) for value in rig.robot.pose],
             "flange_pose": [float(value) for value in vector_of(flange_pose(rig.world.joints_rad))],
             "tip_z_m": rig.robot.tip_z_m,
-            "moving": rig.robot.motion is not None,
+            "moving": rig.robot.moving,
             "travelled_m": [
                 [float(value) for value in end] for end in (rig.robot.travel.low_m, rig.robot.travel.high_m)
             ],

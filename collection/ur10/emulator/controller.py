@@ -143,7 +143,7 @@ class Controller:
             self.stop_program()
 
     def _move(self) -> None:
-        if self.machine.runtime is Runtime.PAUSED or self.machine.mode is not RobotMode.RUNNING:
+        if self._held:
             self.motion = None if self.machine.mode is not RobotMode.RUNNING else self.motion
         elif self.motion is not None:
             try:
@@ -197,7 +197,17 @@ class Controller:
             self.protective_stop("C157: the position deviates from the path")
             self.motion, self.target_rad = None, self.world.joints_rad.copy()
 
+    @property
+    def _held(self) -> bool:
+        """Whether the arm stands, whatever motion is under way."""
+        return self.machine.runtime is Runtime.PAUSED or self.machine.mode is not RobotMode.RUNNING
+
     # What can be read.
+
+    @property
+    def moving(self) -> bool:
+        """Whether the arm is sent somewhere."""
+        return self.motion is not None and not self._held
 
     @property
     def pose(self) -> NDArray[np.float64]:
