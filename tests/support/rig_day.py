@@ -27,7 +27,7 @@ from tests.support.emulated_rig import CONTROL_PORT, RunningRig, free_address
 from tests.support.rig_day_report import report
 from tests.support.rig_faults import POWER_CYCLE, repair
 from tests.support.rig_files import station_factory
-from tests.support.watched_rig import WatchedFactory
+from tests.support.watched_rig import WatchedFactory, holds
 
 from handsight.collection.collector import CollectSettings
 from handsight.collection.errors import CollectionError
@@ -201,14 +201,16 @@ def collect(options: argparse.Namespace) -> int:
     folder: Path = options.folder
     state = json.loads((folder / STATE).read_text(encoding="utf-8"))
     rig = RunningRig(state["robot"], state["camera"], state["generation"], None)  # type: ignore[arg-type]
-    factory = _factory(folder, rig, folder / PROGRAM, options.speed)
 
     def told(attempt: GraspAttempt, _: int) -> None:
-        line = {"number": attempt.number, "outcome": attempt.outcome.name, "held": attempt.truth_held}
+        line: dict[str, Any] = {"number": attempt.number, "outcome": attempt.outcome.name, "held": attempt.truth_held}
+        with suppress(OSError, ValueError):
+            line["held_later"] = holds(rig)
         append_line(folder / "attempts.jsonl", {**line, "failure": attempt.failure[:300], "life": options.life})
 
     settings = CollectSettings(attempts=1_000_000)
     try:
+        factory = _factory(folder, rig, folder / PROGRAM, options.speed)
         repository = GraspRepository.open_or_create(folder / "grasps")
         ended = collect_on_rig(repository, factory, settings, resume=True, on_attempt=told).paused
     except (CollectionError, DatasetError, OSError) as error:

@@ -23,12 +23,14 @@ def report(folder: Path, lives: Sequence[dict[str, Any]]) -> dict[str, Any]:
     told, day, log = (_lines(folder / name) for name in ("attempts.jsonl", "day.jsonl", "operator_log.jsonl"))
     ended = [one for one in day if one["what"] == "collector ended"]
     hours = sum(one["clock_s"] for one in lives) / 3600
-    labelled = [one for one in told if one["outcome"] in LABELLED]
+    # Nobody knows what was held where the emulator was killed in the moment of the reading.
+    labelled = [one for one in told if one["outcome"] in LABELLED and one["held"] is not None]
     wrong = [
         f"attempt {one['number']} is {one['outcome']}, held: {one['held']}"
         for one in labelled
         if LABELLED[one["outcome"]] != one["held"]
     ]
+    mislabelled = len(wrong)
     kept = GraspDataset.open(str(folder / "grasps")).attempts
     lost = {one["number"] for one in told} - {int(number) for number in kept["number"]}
     wrong += [f"attempt {number} was told of and is not kept" for number in sorted(lost)]
@@ -44,7 +46,8 @@ def report(folder: Path, lives: Sequence[dict[str, Any]]) -> dict[str, Any]:
         "kept": len(kept),
         "per_robot_hour": round(len(told) / max(hours, 1e-9), 1),
         "outcomes": dict(Counter(one["outcome"] for one in told)),
-        "labels_against_physics": f"{len(labelled)} labels, {len(wrong)} faults",
+        "lost_after_the_label": sum(one["held"] is True and one.get("held_later") is False for one in labelled),
+        "labels_against_physics": f"{len(labelled)} labels, {mislabelled} faults",
         "aborted_by": dict(Counter(_cause(one["failure"]) for one in told if one["failure"]).most_common()),
         "faults_of_the_rig": dict(Counter(fired["name"] for one in lives for fired in one["fired"]).most_common()),
         "faults_of_machines": dict(Counter(one["fault"] for one in day if one["what"] == "harm").most_common()),

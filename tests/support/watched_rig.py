@@ -24,6 +24,11 @@ def nothing(station: WatchedStation, phase: str) -> None:
     """Do nothing to the process."""
 
 
+def holds(rig: RunningRig) -> bool:
+    """Whether the jaws truly hold something off the table."""
+    return any(one["held"] for one in rig.do("scene")["objects"])
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WatchedFactory(Ur10StationFactory):
     """Opens the station of an emulated rig whose scene is looked at."""
@@ -49,7 +54,10 @@ class WatchedStation(Ur10Station):
         return self._holding
 
     def held_in_truth(self) -> bool | None:
-        return any(one["held"] for one in self._watched.do("scene")["objects"])
+        try:
+            return holds(self._watched)
+        except (OSError, ValueError):
+            return None  # The emulator was killed in this moment.
 
     @contextmanager
     def _phase(self, phase: str) -> Iterator[None]:
