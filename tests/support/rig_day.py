@@ -243,6 +243,8 @@ def main() -> int:
     parser.add_argument("--collect", action="store_true", help=argparse.SUPPRESS)
     parser.add_argument("--life", type=int, default=0, help=argparse.SUPPRESS)
     options = parser.parse_args()
+    # Shells have what they start in the background ignore it, and what that starts too.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     if options.collect:
         return collect(options)
     if not options.report:

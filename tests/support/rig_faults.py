@@ -133,29 +133,56 @@ class Matrix:
             rig=replace(found.rig, alarm=alarm), calibration=found.calibration, watched=rig, at_phase=self._at_phase
         )
         self.dataset = folder / "grasps"
-        self.told: list[GraspAttempt] = []
+        self.told = 0
+        """Attempts that were told of."""
+        self._left: list[Verdict] = []
         self._due: tuple[str, str] | None = None
-        self._happened = 0
+        self._begun_s = 0.0
+        self._happened = self._before = self._since = 0
 
     def run(self, fault: str, phase: str) -> Verdict:
         """Let one fault happen in one phase of the next attempts."""
-        verdict = Verdict(fault=fault, phase=phase)
-        begun = time.monotonic()
+        found: list[Verdict] = []
+        self.run_all(fault, [phase], found.append)
+        return found[0]
+
+    def run_all(self, fault: str, phases: Sequence[str], done: Callable[[Verdict], None]) -> None:
+        """Let a fault happen in one phase after the other, in one session unless it pauses; ``done`` hears of each."""
+        self._left = [Verdict(fault=fault, phase=phase) for phase in phases]
+        while self._left:
+            self._begin()
+            try:
+                paused, stopped = self._collect(done), ""
+            except (CollectionError, DatasetError) as error:
+                paused, stopped = "", f"{type(error).__name__}: {error}"
+            finally:
+                self._due = None
+                _let_files_grow()
+            if self._left:
+                verdict = self._left[0]
+                verdict.paused, verdict.stopped = paused, stopped
+                self._finish(done)
+
+    def _begin(self) -> None:
+        """Repair what the case of before has left, and have the next one happen when its phase comes."""
         repair(self.rig)
-        before = len(self._status()["fired"])
-        self._happened, self._due = 0, (fault, phase)
-        try:
-            self._collect(verdict, lambda: self._happened + len(self._status()["fired"]) - before)
-        finally:
-            self._due = None
-            _let_files_grow()
-        verdict.fired = self._happened + len(self._status()["fired"]) - before
+        self._begun_s, self._happened, self._since = time.monotonic(), 0, 0
+        self._before = len(self._status()["fired"])
+        self._due = (self._left[0].fault, self._left[0].phase)
+
+    @property
+    def _fired(self) -> int:
+        return self._happened + len(self._status()["fired"]) - self._before
+
+    def _finish(self, done: Callable[[Verdict], None]) -> None:
+        verdict = self._left.pop(0)
+        verdict.fired = self._fired
         self._check_place(verdict)
         self._check_kept(verdict)
         if verdict.paused and not any(verdict.paused in text for text in self.alarms.heard):
             verdict.wrong.append("the alarm did not tell of the pause")
-        verdict.seconds = round(time.monotonic() - begun, 1)
-        return verdict
+        verdict.seconds = round(time.monotonic() - self._begun_s, 1)
+        done(verdict)
 
     def _status(self) -> dict[str, Any]:
         return self.rig.do("status")
@@ -176,30 +203,34 @@ class Matrix:
             if "error" in armed:
                 raise AssertionError(armed["error"])
 
-    def _collect(self, verdict: Verdict, fired: Callable[[], int]) -> None:
-        here = len(self.told)
-        since = 0
+    def _collect(self, done: Callable[[Verdict], None]) -> str:
+        """Collect until the rig pauses, and return why, or until all cases are through."""
 
         def told(attempt: GraspAttempt, _: int) -> None:
-            nonlocal since
-            self.told.append(attempt)
-            verdict.outcomes.append(attempt.outcome.name)
-            if attempt.failure:
-                verdict.failures.append(attempt.failure[:160])
-            if attempt.labelled and attempt.truth_held != attempt.success:
-                verdict.wrong.append(f"attempt {attempt.number} is {attempt.outcome.name}, held: {attempt.truth_held}")
-            since += fired() > 0
-            if since > 1:
-                raise _EnoughSeen
+            self._take_in(attempt)
+            if self._since > 1 or len(self._left[0].outcomes) >= MOST_ATTEMPTS:
+                self._finish(done)
+                if not self._left:
+                    raise _EnoughSeen
+                self._begin()
 
-        settings = CollectSettings(attempts=here + MOST_ATTEMPTS, policy=AimedPolicy(self.rig))
+        most = self.told + MOST_ATTEMPTS * len(self._left)
+        settings = CollectSettings(attempts=most, policy=AimedPolicy(self.rig))
         try:
             repository = GraspRepository.open_or_create(self.dataset)
-            verdict.paused = collect_on_rig(repository, self.factory, settings, resume=True, on_attempt=told).paused
+            return collect_on_rig(repository, self.factory, settings, resume=True, on_attempt=told).paused
         except _EnoughSeen:
-            pass
-        except (CollectionError, DatasetError) as error:
-            verdict.stopped = f"{type(error).__name__}: {error}"
+            return ""
+
+    def _take_in(self, attempt: GraspAttempt) -> None:
+        verdict = self._left[0]
+        self.told += 1
+        verdict.outcomes.append(attempt.outcome.name)
+        if attempt.failure:
+            verdict.failures.append(attempt.failure[:160])
+        if attempt.labelled and attempt.truth_held != attempt.success:
+            verdict.wrong.append(f"attempt {attempt.number} is {attempt.outcome.name}, held: {attempt.truth_held}")
+        self._since += self._fired > 0
 
     def _check_place(self, verdict: Verdict) -> None:
         """Whatever was killed, the arm comes to a stand, and was never outside."""
@@ -213,8 +244,8 @@ class Matrix:
 
     def _check_kept(self, verdict: Verdict) -> None:
         kept = len(GraspDataset.open(str(self.dataset)).attempts) if self.told else 0
-        if kept != len(self.told):
-            verdict.wrong.append(f"{len(self.told)} attempts were told of, {kept} are kept")
+        if kept != self.told:
+            verdict.wrong.append(f"{self.told} attempts were told of, {kept} are kept")
 
 
 def stayed_inside(area: WorkspaceConfig, travelled_m: Sequence[Sequence[float]]) -> bool:
@@ -316,11 +347,13 @@ def _run_fault(fault: str, phases: list[str], options: argparse.Namespace) -> No
     emulated = _emulated(options.generation, options.speed)
     with tempfile.TemporaryDirectory() as folder, listening() as alarms, emulated as rig:
         matrix = Matrix(rig, Path(folder), alarms)
-        for phase in phases:
-            verdict = matrix.run(fault, phase)
+
+        def keep(verdict: Verdict) -> None:
             line = {"generation": options.generation, "ending": verdict.ending, **asdict(verdict)}
             with options.out.open("a", encoding="utf-8") as file:
                 file.write(json.dumps(line) + "\n")
+
+        matrix.run_all(fault, phases, keep)
 
 
 def _lines(path: Path) -> list[dict[str, Any]]:
