@@ -1,6 +1,6 @@
 """A day of an unattended rig by the emulator's clock, with faults at random; resumed by the same command.
 
-``python -m tests.support.rig_day FOLDER [--hours 24] [--generation cb3] [--speed 40] [--faults-per-hour 4] [--seed 1]``
+``python tests/support/rig_day.py FOLDER [--hours 24] [--generation cb3] [--speed 40] [--faults-per-hour 4] [--seed 1]``
 runs it, ``--report`` says what there is so far. Three processes: the emulated rig, which lets its own faults happen;
 one that collects; and this one, which kills either or lets the disk run full, and after a pause does what a person
 does. A line of ``attempts.jsonl`` is an attempt that was told of.
@@ -16,11 +16,17 @@ import signal
 import subprocess
 import sys
 import time
+import types
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+
+if "tests" not in sys.modules:
+    # The root stays off the import path: its folder ``datasets`` shadows a well-known package.
+    sys.modules["tests"] = types.ModuleType("tests")
+    sys.modules["tests"].__path__ = [str(Path(__file__).resolve().parents[1])]
 
 import numpy as np
 from tests.support.emulated_rig import CONTROL_PORT, RunningRig, free_address
@@ -124,7 +130,7 @@ class Day:
         # The heartbeat of the one before says nothing about this one.
         (self.folder / "heartbeat.json").unlink(missing_ok=True)
         self._started_s = time.monotonic()
-        command = [sys.executable, "-m", "tests.support.rig_day", str(self.folder), "--collect"]
+        command = [sys.executable, __file__, str(self.folder), "--collect"]
         with (self.folder / "collector.log").open("ab") as log:
             self._collector = subprocess.Popen(
                 [*command, "--speed", str(self._options.speed), "--life", str(self.life)],

@@ -31,8 +31,8 @@ def report(folder: Path, lives: Sequence[dict[str, Any]]) -> dict[str, Any]:
         if LABELLED[one["outcome"]] != one["held"]
     ]
     mislabelled = len(wrong)
-    kept = GraspDataset.open(str(folder / "grasps")).attempts
-    lost = {one["number"] for one in told} - {int(number) for number in kept["number"]}
+    kept = _kept(folder / "grasps")
+    lost = {one["number"] for one in told} - kept
     wrong += [f"attempt {number} was told of and is not kept" for number in sorted(lost)]
     wrong += [f"the collector hung in life {one['life']}" for one in day if one["what"] == "hung"]
     wrong += [
@@ -58,6 +58,13 @@ def report(folder: Path, lives: Sequence[dict[str, Any]]) -> dict[str, Any]:
         "lowest_m": round(min(low[2] for low, _ in _boxes(lives)), 4),
         "wrong": wrong,
     }
+
+
+def _kept(path: Path) -> set[int]:
+    """Numbers of the attempts in a dataset; none where the run never came to begin it."""
+    if not path.exists():
+        return set()
+    return {int(number) for number in GraspDataset.open(str(path)).attempts["number"]}
 
 
 def _lines(path: Path) -> list[dict[str, Any]]:

@@ -1,7 +1,7 @@
 """Every fault of the emulated rig in every phase of an attempt, and what becomes of it.
 
 As a program it runs the whole matrix, appends a line of JSON for each case to a file, leaves out what the file has
-already, and prints the table of it: ``python -m tests.support.rig_faults --out cases.jsonl [--generation cb3]
+already, and prints the table of it: ``python tests/support/rig_faults.py --out cases.jsonl [--generation cb3]
 [--faults a,b] [--phases c,d]``, ``--table`` for the table alone. A few cases are tests.
 """
 
@@ -15,22 +15,28 @@ import signal
 import sys
 import tempfile
 import time
-from collections import Counter
+import types
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import AbstractContextManager, suppress
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+if "tests" not in sys.modules:
+    # The root stays off the import path: its folder ``datasets`` shadows a well-known package.
+    sys.modules["tests"] = types.ModuleType("tests")
+    sys.modules["tests"].__path__ = [str(Path(__file__).resolve().parents[1])]
+
 from tests.support.alarms import Alarms, listening
 from tests.support.emulated_rig import CONTROL_PORT, RunningRig, running_rig
+from tests.support.rig_faults_table import table
 from tests.support.rig_files import station_factory
 from tests.support.watched_rig import AimedPolicy, WatchedFactory, WatchedStation
 
 from handsight.collection.collector import CollectSettings
 from handsight.collection.errors import CollectionError
 from handsight.collection.ur10.dashboard import Dashboard
-from handsight.collection.ur10.rig import GENERATIONS, WorkspaceConfig
+from handsight.collection.ur10.rig import WorkspaceConfig
 from handsight.collection.ur10.session import collect_on_rig
 from handsight.datasets import GraspDataset, GraspRepository
 from handsight.datasets.errors import DatasetError
@@ -298,26 +304,6 @@ def cases(faults: Iterable[str], phases: Iterable[str]) -> list[tuple[str, str]]
     return [(fault, phase) for fault in faults for phase in phases if fault != "slip" or phase in HELD_PHASES]
 
 
-def table(lines: Iterable[dict[str, Any]]) -> str:
-    """Markdown: a row for each fault, in its cells the ends of CB3 and e-Series, and how many there are of each."""
-    ends: dict[tuple[str, str, str], str] = {}
-    wrong = 0
-    for line in lines:
-        ends[line["fault"], line["phase"], line["generation"]] = line["ending"]
-        wrong += bool(line["wrong"])
-    faults = list(dict.fromkeys(fault for fault, _, _ in ends))
-    rows = [f"| fault | {' | '.join(PHASES)} |", f"|---|{'---|' * len(PHASES)}"]
-    for fault in faults:
-        cells = [_cell([ends.get((fault, phase, name), "") for name in GENERATIONS]) for phase in PHASES]
-        rows.append(f"| `{fault}` | {' | '.join(cells)} |")
-    counts = ", ".join(f"{count} {end}" for end, count in Counter(ends.values()).most_common())
-    return "\n".join([*rows, "", f"{len(ends)} cases: {counts}; {wrong} wrong"])
-
-
-def _cell(ends: Sequence[str]) -> str:
-    return ends[0] if len(set(ends)) == 1 else " / ".join(end or "–" for end in ends)
-
-
 def main() -> int:
     """Run what is missing of the matrix and print its table; 1 if anything went wrong."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -338,7 +324,7 @@ def main() -> int:
         if left:
             _run_fault(fault, left, options)
     lines = _lines(options.out)
-    sys.stdout.write(table(lines) + "\n")
+    sys.stdout.write(table(lines, FAULTS, PHASES) + "\n")
     return int(any(line["wrong"] for line in lines))
 
 
