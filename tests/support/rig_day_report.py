@@ -32,8 +32,8 @@ def report(folder: Path, lives: Sequence[dict[str, Any]]) -> dict[str, Any]:
     ]
     mislabelled = len(wrong)
     kept = _kept(folder / "grasps")
-    lost = {one["number"] for one in told} - kept
-    wrong += [f"attempt {number} was told of and is not kept" for number in sorted(lost)]
+    lost = Counter(one["number"] for one in told) - kept
+    wrong += [f"attempt {number} was told of and is not kept" for number in sorted(lost.elements())]
     wrong += [f"the collector hung in life {one['life']}" for one in day if one["what"] == "hung"]
     wrong += [
         f"the fingertips were between {low} and {high}"
@@ -43,7 +43,7 @@ def report(folder: Path, lives: Sequence[dict[str, Any]]) -> dict[str, Any]:
     return {
         "robot_hours": round(hours, 2),
         "attempts": len(told),
-        "kept": len(kept),
+        "kept": kept.total(),
         "per_robot_hour": round(len(told) / max(hours, 1e-9), 1),
         "outcomes": dict(Counter(one["outcome"] for one in told)),
         "lost_after_the_label": sum(one["held"] is True and one.get("held_later") is False for one in labelled),
@@ -60,11 +60,11 @@ def report(folder: Path, lives: Sequence[dict[str, Any]]) -> dict[str, Any]:
     }
 
 
-def _kept(path: Path) -> set[int]:
-    """Numbers of the attempts in a dataset; none where the run never came to begin it."""
+def _kept(path: Path) -> Counter[int]:
+    """How many attempts of each number are in a dataset, in all sessions; none where the run never came to begin it."""
     if not path.exists():
-        return set()
-    return {int(number) for number in GraspDataset.open(str(path)).attempts["number"]}
+        return Counter()
+    return Counter(int(number) for number in GraspDataset.open(str(path)).attempts["number"])
 
 
 def _lines(path: Path) -> list[dict[str, Any]]:
