@@ -14,7 +14,8 @@ ROOT = Path(__file__).resolve().parents[1]
 IN_CI = os.environ.get("CI", "").lower() in ("1", "true")
 
 NO_URSIM = "HANDSIGHT_URSIM is not set: the address of UR's own simulator, a judge that comes with no package"
-"""The one reason for which CI skips too, and prints: nothing that it could install would change it."""
+"""The one reason for which CI skips too, and prints: nothing that it could install would change it; see
+``tests/support/ursim.py``."""
 
 # Deadlines measure the machine, not the code. CI draws the same examples every time, so that a red run can be repeated.
 settings.register_profile("local", deadline=None)

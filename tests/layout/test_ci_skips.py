@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from tests.conftest import NO_URSIM
+from tests.support.ursim import NO_URSIM
 
 TESTS = Path(__file__).parents[1]
 

@@ -5,6 +5,9 @@
 
 from __future__ import annotations
 
+import json
+import subprocess
+import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -26,6 +29,8 @@ from handsight.datasets import GraspDataset, GraspRepository
 from handsight.datasets.errors import StorageError
 from handsight.datasets.records import GraspAttempt
 from handsight.datasets.writing.writer import SessionWriter
+
+DAY_LIMIT_S = 240
 
 
 @pytest.fixture(scope="module")
@@ -146,3 +151,23 @@ def test_a_pause_is_told_to_everybody_and_keeps_the_attempts(matrix: Matrix, tmp
     assert report.attempts == len(GraspDataset.open(str(tmp_path / "grasps")).attempts)
     assert report.paused in said.read_text(encoding="utf-8")
     assert '"state": "paused"' in (tmp_path / "heartbeat").read_text(encoding="utf-8")
+
+
+def day(folder: Path, *options: str) -> dict[str, Any]:
+    """What ``tests/support/rig_day.py`` reports."""
+    program = Path(__file__).parents[2] / "support" / "rig_day.py"
+    command = [sys.executable, str(program), str(folder), "--speed", "20", "--faults-per-hour", "120", *options]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=DAY_LIMIT_S, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    found: dict[str, Any] = json.loads(done.stdout)
+    return found
+
+
+def test_an_unattended_run_loses_nothing_and_goes_on_where_it_was_left(tmp_path: Path) -> None:
+    need_ur_rtde()
+    first, second = (day(tmp_path / "day", "--hours", hours) for hours in ("0.1", "0.2"))
+    assert (first["wrong"], second["wrong"]) == ([], [])
+    assert second["robot_hours"] >= 0.2 > first["robot_hours"] >= 0.1
+    assert second["lives_of_the_emulator"] > first["lives_of_the_emulator"]
+    assert second["kept"] >= second["attempts"] >= first["attempts"]
+    assert sum(second["faults_of_the_rig"].values()) > 0

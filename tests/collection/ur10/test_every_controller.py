@@ -6,7 +6,6 @@ control, with the arm where it stands when it is new. No package brings it, so w
 
 from __future__ import annotations
 
-import os
 import re
 import time
 from collections.abc import Callable, Iterator
@@ -14,22 +13,21 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.conftest import NO_URSIM
 from tests.support.emulated_rig import need_ur_rtde, running_rig
 from tests.support.rig_files import write_rig_file
+from tests.support.ursim import ADDRESSES, NO_URSIM
 
 from handsight.collection.ur10.arm import Arm
 from handsight.collection.ur10.dashboard import Dashboard
 from handsight.collection.ur10.kinematics import kinematics_id
 from handsight.collection.ur10.rig_file import load_rig
 
-URSIM = [address for address in os.environ.get("HANDSIGHT_URSIM", "").split(",") if address]
 POWER_S = 120.0
 ANSWER_S, MOVE_S = 20.0, 60.0
 STEP_M, SPEED_M_S, ACCELERATION_M_S2 = 0.03, 0.05, 0.5
 
 
-@pytest.fixture(params=["emulated cb3", "emulated e-series", *(URSIM or ["ursim"])])
+@pytest.fixture(params=["emulated cb3", "emulated e-series", *(ADDRESSES or ["ursim"])])
 def address(request: pytest.FixtureRequest) -> Iterator[str]:
     """Of a controller, powered or not."""
     need_ur_rtde()
