@@ -31,8 +31,8 @@ if "tests" not in sys.modules:
 import numpy as np
 from tests.support.emulated_rig import CONTROL_PORT, RunningRig, free_address
 from tests.support.rig_day_report import report
-from tests.support.rig_faults import POWER_CYCLE, repair
 from tests.support.rig_files import station_factory
+from tests.support.rig_person import POWER_CYCLE, repair
 from tests.support.watched_rig import WatchedFactory, holds
 
 from handsight.collection.collector import CollectSettings

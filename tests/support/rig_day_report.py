@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from tests.support.rig_faults import stayed_inside
 from tests.support.rig_files import RIG
+from tests.support.rig_person import stayed_inside
 
 from handsight.collection.ur10.rig import WorkspaceConfig
 from handsight.datasets import GraspDataset

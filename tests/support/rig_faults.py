@@ -9,9 +9,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
-import resource
-import signal
 import sys
 import tempfile
 import time
@@ -29,14 +26,14 @@ if "tests" not in sys.modules:
 
 from tests.support.alarms import Alarms, listening
 from tests.support.emulated_rig import CONTROL_PORT, RunningRig, running_rig
+from tests.support.local_faults import LOCAL, let_files_grow
 from tests.support.rig_faults_table import table
 from tests.support.rig_files import station_factory
+from tests.support.rig_person import POWER_CYCLE, repair, stayed_inside
 from tests.support.watched_rig import AimedPolicy, WatchedFactory, WatchedStation
 
 from handsight.collection.collector import CollectSettings
 from handsight.collection.errors import CollectionError
-from handsight.collection.ur10.dashboard import Dashboard
-from handsight.collection.ur10.rig import WorkspaceConfig
 from handsight.collection.ur10.session import collect_on_rig
 from handsight.datasets import GraspDataset, GraspRepository
 from handsight.datasets.errors import DatasetError
@@ -77,21 +74,13 @@ FAULTS = (
     "kill-arm",
     "kill-camera",
 )
-HELD_PHASES = ("lift", "shake", "release")
-"""Phases in which something may slip."""
+HELD_PHASES = ("lift", "shake")
+"""Phases in which something may slip; what is let go does not."""
 STATION_PHASE = {"release": "settle"}
 """What the station calls a phase, where that is another word."""
 MOST_ATTEMPTS = 12
 """Of a case: some wait for a grasp that holds."""
-SLACK_M = 0.005
 STAND_S = 10.0
-POWER_CYCLE = """
-import json, socket, sys, time
-with socket.create_connection((sys.argv[1], int(sys.argv[2])), timeout=10) as c:
-    c.sendall(json.dumps({"do": "camera-power-cycle"}).encode() + b"\\n")
-    c.makefile().readline()
-time.sleep(1)
-"""
 
 
 @dataclass(slots=True, kw_only=True)
@@ -163,7 +152,7 @@ class Matrix:
                 paused, stopped = "", f"{type(error).__name__}: {error}"
             finally:
                 self._due = None
-                _let_files_grow()
+                let_files_grow()
             if self._left:
                 verdict = self._left[0]
                 verdict.paused, verdict.stopped = paused, stopped
@@ -252,50 +241,6 @@ class Matrix:
         kept = len(GraspDataset.open(str(self.dataset)).attempts) if self.told else 0
         if kept != self.told:
             verdict.wrong.append(f"{self.told} attempts were told of, {kept} are kept")
-
-
-def stayed_inside(area: WorkspaceConfig, travelled_m: Sequence[Sequence[float]]) -> bool:
-    """Whether the fingertips never left the workspace and its margin, nor touched the table."""
-    beside_m = area.margin_m + SLACK_M
-    least = (area.x_min_m - beside_m, area.y_min_m - beside_m, 0.0)
-    most = (area.x_max_m + beside_m, area.y_max_m + beside_m, area.overhead_height_m + beside_m)
-    low, high = travelled_m
-    return all(a <= b for a, b in zip((*least, *high), (*low, *most), strict=True))
-
-
-def repair(rig: RunningRig) -> None:
-    """What a person does at the cell: after that everything can go on."""
-    rig.do("clear")
-    rig.do("release")
-    with Dashboard(rig.robot) as dashboard:
-        if dashboard.safety() in ("FAULT", "VIOLATION"):
-            dashboard.ask("restart safety")
-    # What fell off the table, and what a fault of before has left in the jaws.
-    rig.do("refill")
-
-
-def _kill(station: WatchedStation, name: str) -> None:
-    pid = getattr(station, name).child.pid
-    if pid is not None:
-        os.kill(pid, signal.SIGKILL)
-
-
-def _fill_disk(station: WatchedStation) -> None:
-    """No file of this process grows any more; Python ignores the signal, so writing fails as on a full disk."""
-    resource.setrlimit(resource.RLIMIT_FSIZE, (0, resource.getrlimit(resource.RLIMIT_FSIZE)[1]))
-
-
-def _let_files_grow() -> None:
-    most = resource.getrlimit(resource.RLIMIT_FSIZE)[1]
-    resource.setrlimit(resource.RLIMIT_FSIZE, (most, most))
-
-
-LOCAL: dict[str, Callable[[WatchedStation], None]] = {
-    "disk-full": _fill_disk,
-    "kill-arm": lambda station: _kill(station, "arm"),
-    "kill-camera": lambda station: _kill(station, "camera"),
-}
-"""Faults of the machine that collects and not of the rig."""
 
 
 def cases(faults: Iterable[str], phases: Iterable[str]) -> list[tuple[str, str]]:

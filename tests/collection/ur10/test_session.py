@@ -16,7 +16,8 @@ from typing import Any
 import pytest
 from tests.support.alarms import listening
 from tests.support.emulated_rig import need_ur_rtde, running_rig
-from tests.support.rig_faults import Matrix, repair
+from tests.support.rig_faults import Matrix
+from tests.support.rig_person import repair
 
 from handsight.collection.collector import CollectSettings
 from handsight.collection.errors import DeviceLostError
