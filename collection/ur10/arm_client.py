@@ -102,6 +102,8 @@ class ArmClient:
         self._receive = self._tried(self._open_receive)
         self._seen = (-1.0, time.monotonic())
         self._control: Any = None
+        self.still_at_it: Callable[[], None] = lambda: None
+        """Called with every reading, so that a hanging call of the library is told from a long move."""
 
     def _open_receive(self) -> Any:
         from rtde_receive import RTDEReceiveInterface
@@ -145,13 +147,8 @@ class ArmClient:
         Raises:
             DeviceLostError: Nothing new came for ``stale_s``.
         """
+        timestamp_s = self._timestamp_s()
         r = self._receive
-        timestamp_s = float(r.getTimestamp())
-        now_s = time.monotonic()
-        if timestamp_s != self._seen[0]:
-            self._seen = (timestamp_s, now_s)
-        elif now_s - self._seen[1] > self._config.stale_s:
-            raise DeviceLostError(f"no new data for {now_s - self._seen[1]:.2f} s: the connection is gone")
         speed = r.getActualTCPSpeed()
         force = r.getActualTCPForce()
         return ArmState(
@@ -173,10 +170,19 @@ class ArmClient:
         Raises:
             DeviceLostError: Nothing new came for ``stale_s``.
         """
-        first = self.state()
-        while (now := self.state()).timestamp_s == first.timestamp_s:
+        first_s = self._timestamp_s()
+        while self._timestamp_s() == first_s:
             time.sleep(POLL_S)
-        return now
+        return self.state()
+
+    def _timestamp_s(self) -> float:
+        self.still_at_it()
+        timestamp_s, now_s = float(self._receive.getTimestamp()), time.monotonic()
+        if timestamp_s != self._seen[0]:
+            self._seen = (timestamp_s, now_s)
+        elif now_s - self._seen[1] > self._config.stale_s:
+            raise DeviceLostError(f"no new data for {now_s - self._seen[1]:.2f} s: the connection is gone")
+        return timestamp_s
 
     def inside_limits(self, pose: Sequence[float]) -> bool:
         """Whether the controller's own safety planes and joint limits allow a pose.

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -197,18 +197,18 @@ class Ur10Station:
             PhaseError: The arm or the gripper fails on the way.
         """
         self._attempts += 1
-        self._flush_readings()
         with self._paused_told():
+            self._flush_readings()
             if self._fault:
                 self._recover()
-            self._clock_s, self._last_s = 0.0, None
-            _ = self.clock_s
-            with self._phase("settle"):
-                self._guard()
-                self._put_down(rng)
-                self._measure_jaws()
-                self._grip, self._holding = self.gripper.open(), False
-                self._home()
+        self._clock_s, self._last_s = 0.0, None
+        _ = self.clock_s
+        with self._phase("settle"):
+            self._guard()
+            self._put_down(rng)
+            self._measure_jaws()
+            self._grip, self._holding = self.gripper.open(), False
+            self._home()
 
     def look(self) -> RgbdFrame:
         """Take a picture and turn it parallel to the tool; the tool must stand.
@@ -295,17 +295,20 @@ class Ur10Station:
 
     def close(self) -> None:
         """Release everything; the arm stays where it is, the jaws too."""
-        self._flush_readings()
+        with suppress(RigPausedError):
+            self._flush_readings()
         self.arm.close()
         self.camera.close()
         self.gripper.disconnect()
 
     def pause(self, reason: str) -> None:
-        """Tell everybody that a person has to come."""
-        self.log.note("paused", reason=reason)
-        self._heartbeat.beat("paused", reason=reason)
-        for fault in sound_alarm(self._rig.alarm, f"handsight rig {self._rig.robot.address} paused: {reason}"):
-            self.log.note("alarm failed", error=fault)
+        """Tell everybody that a person has to come: first who is outside, then the files, if they can be written."""
+        failed = sound_alarm(self._rig.alarm, f"handsight rig {self._rig.robot.address} paused: {reason}")
+        with suppress(RigPausedError):
+            self._heartbeat.beat("paused", reason=reason)
+            self.log.note("paused", reason=reason)
+            for fault in failed:
+                self.log.note("alarm failed", error=fault)
 
     def _leave_room_to_shake(self, pose: PlanarPose) -> None:
         area = self._rig.workspace
@@ -327,7 +330,6 @@ class Ur10Station:
             raise RigPausedError(f"{self._fault}; look at the camera and its cable, then go on with --resume")
         self.recovery.recover(self._fault)
         self._fault, self._holding = "", False
-        self._grip = self.gripper.read()
 
     def _guard(self) -> None:
         state = self.arm.state()
@@ -414,7 +416,12 @@ class Ur10Station:
 
     @contextmanager
     def _phase(self, phase: str) -> Iterator[None]:
-        self._heartbeat.beat("working", attempt=self._attempts, phase=phase)
+        with self._paused_told(), self._failing(phase):
+            self._heartbeat.beat("working", attempt=self._attempts, phase=phase)
+            yield
+
+    @contextmanager
+    def _failing(self, phase: str) -> Iterator[None]:
         try:
             yield
         except PoseRefusedError as error:

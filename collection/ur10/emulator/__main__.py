@@ -15,6 +15,7 @@ from handsight.collection.depth_noise import DepthNoise
 from handsight.collection.errors import CollectionError
 from handsight.collection.sim.config import D435_ON_GRIPPER, SimConfig
 from handsight.collection.station import Workspace
+from handsight.collection.ur10.emulator.board import Board
 from handsight.collection.ur10.emulator.camera import PORT as CAMERA_PORT
 from handsight.collection.ur10.emulator.camera import CameraSettings, MountedCamera
 from handsight.collection.ur10.emulator.errors import EmulatorError
@@ -52,6 +53,8 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--control", type=int, metavar="PORT", help="port of the robot's address for faults")
     parser.add_argument("--objects", metavar="SET", help="object set; without one there is nothing but protocols")
     parser.add_argument("--objects-per-scene", type=int, default=5)
+    parser.add_argument("--empty", action="store_true", help="nothing lies on the table at first")
+    parser.add_argument("--board", action="store_true", help="a ChArUco board lies on the table")
     parser.add_argument("--gripper", default="2f-85")
     parser.add_argument("--rg2", metavar="ADDRESS[:PORT]", help="an OnRobot RG2 there, in place of the Robotiq")
     parser.add_argument("--workspace", metavar="X0,X1,Y0,Y1", help="where objects are dropped [m]")
@@ -100,7 +103,14 @@ def launch_of(options: argparse.Namespace) -> Launch:
         true_payload=Payload(options.payload, centre),
         camera=_camera(options, mount),
     )
-    return Launch(rig=rig, world=_world(options, area), control_port=options.control, faults=tuple(faults))
+    return Launch(
+        rig=rig,
+        world=_world(options, area),
+        empty=options.empty,
+        board=Board() if options.board else None,
+        control_port=options.control,
+        faults=tuple(faults),
+    )
 
 
 def _numbers(name: str, text: str | None, count: int, wrong: list[str]) -> tuple[float, ...] | None:

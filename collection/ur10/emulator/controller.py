@@ -21,6 +21,7 @@ from handsight.collection.ur10.emulator.machine import Machine, RobotMode, Runti
 from handsight.collection.ur10.emulator.motion import Motion
 from handsight.collection.ur10.emulator.poses import FLANGE_TO_TIP, matrix_of, tcp_pose, vector_of
 from handsight.collection.ur10.emulator.program import Program
+from handsight.collection.ur10.emulator.travel import Travel
 from handsight.collection.ur10.emulator.variables import REGISTERS
 from handsight.collection.ur10.emulator.world import World
 
@@ -69,8 +70,8 @@ class Controller:
         self.program: Program | None = None
         self.motion: Motion | None = None
         self.target_rad: NDArray[np.float64] = world.joints_rad.copy()
-        self.lowest_tip_z_m = float(tcp_pose(self.target_rad, FLANGE_TO_TIP)[2, 3])
-        """Lowest that the fingertips have ever been."""
+        self.travel = Travel(self.target_rad)
+        """Where the fingertips have ever been."""
         self.overheated_joint: int | None = None
         self.watchdog_hz = 0.0
         self.clock_factor = 1.0
@@ -145,7 +146,7 @@ class Controller:
             self.stop_program()
 
     def _move(self) -> None:
-        if self.machine.runtime is Runtime.PAUSED or self.machine.mode is not RobotMode.RUNNING:
+        if self._held:
             self.motion = None if self.machine.mode is not RobotMode.RUNNING else self.motion
         elif self.motion is not None:
             try:
@@ -161,6 +162,8 @@ class Controller:
             self.target_rad = np.clip(self.target_rad, -JOINT_LIMITS_RAD, JOINT_LIMITS_RAD)
             self.protective_stop("C158: a joint is at its limit")
         self.world.advance(self.period_s, self.target_rad)
+        if self.motion is not None:
+            self.travel.see(self.period_s, self.world.joints_rad)
 
     def observe(self) -> None:
         """Take the readings that clients are sent; once for several periods where time runs fast."""
@@ -180,7 +183,6 @@ class Controller:
             self._pose = tcp_pose(joints_rad, self.tcp_offset)
             self._pose_vector = vector_of(self._pose)
             self._tool_speed[:3] = (self._pose[:3, 3] - before_m) / seconds
-            self.lowest_tip_z_m = min(self.lowest_tip_z_m, self.tip_z_m)
         self.sensor.read(
             seconds,
             joints_rad=joints_rad,
@@ -203,7 +205,17 @@ class Controller:
             self.protective_stop("C157: the position deviates from the path")
             self.motion, self.target_rad = None, self.world.joints_rad.copy()
 
+    @property
+    def _held(self) -> bool:
+        """Whether the arm stands, whatever motion is under way."""
+        return self.machine.runtime is Runtime.PAUSED or self.machine.mode is not RobotMode.RUNNING
+
     # What can be read.
+
+    @property
+    def moving(self) -> bool:
+        """Whether the arm is sent somewhere."""
+        return self.motion is not None and not self._held
 
     @property
     def pose(self) -> NDArray[np.float64]:
