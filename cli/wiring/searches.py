@@ -52,7 +52,7 @@ def estimated(plan: SearchPlan, out: Path, proposals: int, workers: int) -> Esti
 
 def run(plan: SearchPlan, out: Path, *, proposals: int, workers: int) -> list[ProposalRow]:
     """Judge proposals behind a progress bar, and write what was found; returns all proposals, the best first."""
-    opened(plan.sweep)  # inputs are made once, here, and not by every worker
+    data = opened(plan.sweep).data  # inputs are made once, here, and not by every worker
     trials = plan.sweep.trials
     with progress_bar("trials", proposals * trials) as bar:
         # Trials of proposals that are over count as done, whether they were trained or not.
@@ -63,7 +63,7 @@ def run(plan: SearchPlan, out: Path, *, proposals: int, workers: int) -> list[Pr
             said = "failed" if result is None else f"{loss_of(result):.3f}"
             bar.advance(f"proposal {task.proposal}, trial {task.cell.trial}: {said}")
 
-        run_search(plan, out, proposals=proposals, workers=workers, on_cell=show)
+        run_search(plan, out, proposals=proposals, workers=workers, data=data, on_cell=show)
     rows = proposal_rows(plan, out)
     write_search(plan, out, rows)
     return rows

@@ -76,7 +76,7 @@ def run(
         for cell in filter(chosen, plan.cells()):
             if folder.state(cell) == "failed":
                 folder.forget_failure(cell, restart=restart_failed)
-    opened(plan)  # inputs are made once, here, and not by every worker
+    data = opened(plan).data  # inputs are made once, here, and not by every worker
     cells = [cell for cell in plan.cells() if chosen(cell)]
     ended = sum(folder.state(cell) in ("done", "failed") for cell in cells)
     with progress_bar("cells", len(cells)) as bar:
@@ -86,7 +86,7 @@ def run(
             accuracy = None if result is None else result.tested.accuracy
             bar.advance(f"{cell.name} failed" if accuracy is None else f"{cell.name} {accuracy:.3f}")
 
-        return run_sweep(plan, folder, workers=workers, engine=engine, chosen=chosen, on_cell=show)
+        return run_sweep(plan, folder, workers=workers, engine=engine, data=data, chosen=chosen, on_cell=show)
 
 
 def write_tables(plan: SweepPlan, out: Path) -> dict[str, Any]:

@@ -17,12 +17,13 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 from handsight import __version__
 from handsight.datasets.held import HeldFile
+from handsight.datasets.inputs.materialize import GraspInputs
 from handsight.jobs.engine import LOCAL, Engine
 from handsight.jobs.unordered import map_unordered
 from handsight.training.search.plan import SearchPlan, recipe_at
@@ -76,6 +77,7 @@ def run_search(
     proposals: int,
     workers: int,
     engine: Engine = LOCAL,
+    data: Sequence[GraspInputs] | None = None,
     on_cell: Callable[[ProposalTask, CellResult | None], None] | None = None,
 ) -> None:
     """Judge proposals until there are so many, other than those in the hands of other processes.
@@ -89,6 +91,7 @@ def run_search(
         proposals: How many there are to be in all, those of other calls included.
         workers: Number of processes.
         engine: Where they run; workers see the folder.
+        data: As :func:`~handsight.training.sweep.run.run_sweep` has it.
         on_cell: Called with each trial of a proposal and its result, or None where it failed.
 
     Raises:
@@ -98,9 +101,8 @@ def run_search(
         WorkerDiedError: Workers cannot be started.
     """
     judges = _Judges(plan, folder, SearchStudy(folder, plan), proposals)
-    outcomes = map_unordered(
-        SweepContextFactory(plan.sweep), train_proposal, judges.tasks(), workers=workers, engine=engine, noun="proposal"
-    )
+    opener = SweepContextFactory(plan.sweep, tuple(data) if data and engine is LOCAL else None)
+    outcomes = map_unordered(opener, train_proposal, judges.tasks(), workers=workers, engine=engine, noun="proposal")
     try:
         for task, outcome in outcomes:
             judged = judges.active[task.proposal]

@@ -6,6 +6,7 @@ import errno
 import json
 from collections import Counter
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,7 @@ from handsight.training.sweep.plan import SweepPlan
 from handsight.training.sweep.prepare import settle
 from handsight.training.sweep.result import CellResult
 from handsight.training.sweep.run import chosen_by, run_sweep
-from handsight.training.sweep.work import CellTask, SweepContext, train_cell
+from handsight.training.sweep.work import CellTask, SweepContext, materialized, train_cell
 
 
 @pytest.fixture(scope="module")
@@ -82,6 +83,18 @@ def test_processes_of_this_machine_find_the_same(plan: SweepPlan, whole: dict[st
     assert report.trained == 3
     assert figures(folder, plan) == {name: found for name, found in whole.items() if name.startswith("rgb-20")}
     assert not list(tmp_path.rglob("*.ckpt"))
+
+
+def test_workers_of_this_machine_open_no_dataset_where_its_inputs_are_open(
+    plan: SweepPlan, whole: dict[str, Any], tmp_path: Path
+) -> None:
+    data = [materialized(dataset, plan) for dataset in plan.datasets]
+    moved = replace(plan, datasets=tuple(replace(one, address="nowhere") for one in plan.datasets))
+    folder = SweepFolder(tmp_path)
+    settle(tmp_path, moved)
+    chosen = chosen_by(["rgb:20:0"], moved)
+    assert run_sweep(moved, folder, workers=1, data=data, chosen=chosen).trained == 1
+    assert figures(folder, moved) == {"rgb-20-000": whole["rgb-20-000"]}
 
 
 def test_more_trials_leave_those_that_are_there_as_they_are(
