@@ -62,7 +62,7 @@ test: venv  ## Run the tests
 	$(PYTEST) $(ARGS)
 
 coverage: venv  ## Run the tests and print how much of each room they ran
-	rm -f build/coverage.json
+	rm -f build/coverage.json .coverage .coverage.*
 	$(PYTEST) --cov --cov-report=json:build/coverage.json $(ARGS); status=$$?; \
 	    '$(BIN)/python' .ci/coverage_by_room.py build/coverage.json && exit $$status
 

@@ -190,12 +190,14 @@ def _figure(value: float | None) -> str:
 
 
 def _facts(record: Mapping[str, Any], figures: RunFigures, files: FileCheck) -> Iterable[tuple[str, str]]:
+    from handsight.training.run_figures import input_words  # once it is called
+
     grid, network = record["grid"], record["settings"]["network"]
     yield "written", f"{figures.created or '-'} by handsight {figures.handsight or '-'}"
     yield "network", f"{figures.channels}, {_cell(figures.parameters)} parameters"
     yield "widths", f"{_cell(network['widths'])}; kernels {_cell(network['kernels'])}; dense {_cell(network['dense'])}"
     yield "padded", _cell(network.get("padded"))
-    yield "input", f"{grid['crop_px']} px of the picture as {grid['size_px']} x {grid['size_px']} px"
+    yield "input", input_words(grid)
     yield "attempts", str(figures.attempts)
     yield "kept", "-" if figures.kept is None else f"pass {figures.kept} of {figures.passes}"
     yield (

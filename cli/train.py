@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from itertools import accumulate, pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -223,6 +224,7 @@ def train_to_folder(
     import pandas as pd
 
     from handsight.datasets.inputs.mixture import mixed
+    from handsight.datasets.views import input_span_m
     from handsight.servoing.homography import InputGrid
     from handsight.training.data_selection import EVERYTHING
     from handsight.training.devices import device_named
@@ -237,6 +239,8 @@ def train_to_folder(
     masks = [selection.chosen(datasets[name], rows) for name, _, rows in wanted]
     every = pd.concat([rows[["success"]] for _, _, rows in wanted]).index
     chosen = selection.rows(masks, every, settings.seed)  # before anything is warped
+    first = datasets[wanted[0][0]].sessions[0].header.station
+    grid = replace(grid, span_m=input_span_m(first, grid))
     parts = [_materialize(datasets[name], view, grid) for name, view, _ in wanted]
     starts = [0, *accumulate(len(part.attempts) for part in parts)]
     origins = [

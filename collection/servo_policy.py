@@ -67,7 +67,7 @@ class ServoPolicy:
             "optimiser": method["optimiser"],
             "method_settings": method["settings"],
             "weights_sha256": self.open_network.sha256,
-            "grid": asdict(self.open_network.grid),
+            "grid": self.open_network.grid.to_json(),
             "random_share": self.random_share,
             "half_range_m": self.start.half_range_m,
             "servo": asdict(self.servo),

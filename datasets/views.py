@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from handsight.datasets.records import RgbdFrame, StationSpec
+from handsight.servoing.homography import InputGrid
 from handsight.servoing.view import View
 
 _LEAST_ZOOM = 0.3
@@ -15,6 +16,16 @@ def station_view(frame: RgbdFrame, station: StationSpec) -> View:
     """A recorded picture as the servoing room sees it: depth in metres."""
     depth_m = frame.depth.astype(np.float32) * np.float32(station.depth_scale_m)
     return View(rgb=frame.rgb, depth_m=depth_m, camera=station.camera)
+
+
+def input_span_m(station: StationSpec, grid: InputGrid) -> float | None:
+    """Side of a network input on the table, as seen from where a station's grasps begin [m].
+
+    Returns:
+        None where the camera cannot be there, as of some foreign set that does not say where it was.
+    """
+    plane_m = station.pregrasp_height_m - station.camera.z_tool_camera_m
+    return grid.crop_px * plane_m / station.camera.intrinsics.fx if plane_m > 0 else None
 
 
 def grasp_plane_m(view: View, frame: RgbdFrame, station: StationSpec) -> float | None:

@@ -13,6 +13,7 @@ import torch
 from numpy.typing import NDArray
 
 from handsight.servoing.errors import ServoSettingsError
+from handsight.servoing.homography import judged_from_m
 from handsight.servoing.objective import Objective
 from handsight.servoing.scorer import GraspScorer
 from handsight.servoing.sweep import Sweep
@@ -78,8 +79,8 @@ def lattice_spacing(view: View, scorer: GraspScorer, spacing_px: int, *, view_pl
             "shorter side of the picture"
         )
     pitch_px = scorer.grid.crop_px / scorer.grid.size_px
-    if view_plane_m is not None:
-        pitch_px *= view_plane_m / view.plane_m
+    judged_m = judged_from_m(view.camera, scorer.grid, view.plane_m if view_plane_m is None else view_plane_m)
+    pitch_px *= judged_m / view.plane_m
     return max(1, round(spacing_px / pitch_px))
 
 

@@ -10,7 +10,9 @@ optical axis; this is what makes it symmetric under the flips of section V-A.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from typing import Any
 
 import torch
 from torch import Tensor
@@ -22,6 +24,8 @@ from handsight.servoing.prepared_view import PreparedView
 
 LARGEST_CROP_PX = 8192
 """More than any picture has: what lies beyond is a slip of digits, and padding it would take all memory."""
+SAME_SCALE = 0.05
+"""Scales that differ by less are one: the table's distance is measured in every picture, as its mean depth."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,6 +36,9 @@ class InputGrid:
     """Side of the crop, in raw pixels of the pre-grasp view."""
     size_px: int = 64
     """Side of the network's input."""
+    span_m: float | None = None
+    """Side of the crop on the table in the pictures that the network was trained on [m]: pictures from another height,
+    or of another camera, are made to show as much. None where it is not known, or pictures are taken as they are."""
 
     def __post_init__(self) -> None:
         sides: tuple[object, ...] = (self.crop_px, self.size_px)  # Perhaps from a file.
@@ -41,11 +48,36 @@ class InputGrid:
                 f"input grid is {self.size_px!r} px from a {self.crop_px!r} px crop, expected whole numbers with "
                 f"1 < size <= crop <= {LARGEST_CROP_PX}"
             )
+        if self.span_m is not None and not (math.isfinite(self.span_m) and self.span_m > 0):
+            raise ServoSettingsError(f"input grid spans {self.span_m} m, expected a positive length or None")
+
+    def to_json(self) -> dict[str, Any]:
+        """As JSON values; without a span where it is not known, as older records have it."""
+        span = {} if self.span_m is None else {"span_m": self.span_m}
+        return {"crop_px": self.crop_px, "size_px": self.size_px, **span}
 
     @property
     def pixels_per_cell(self) -> int:
         """Decimation that leaves about two filtered pixels per input pixel: no aliasing, little to read."""
         return max(1, round(self.crop_px / self.size_px / 2))
+
+
+def judged_from_m(camera: HandCamera, grid: InputGrid, view_plane_m: float) -> float:
+    """Distance of the plane from which a network judges [m].
+
+    Args:
+        camera: The camera that took the picture.
+        grid: The network's.
+        view_plane_m: Distance of the plane where the picture is to be predicted [m].
+
+    Returns:
+        ``view_plane_m``, unless from there an input would show more or less of the table than the network was trained
+        on; then the distance from which it shows as much.
+    """
+    if grid.span_m is None:
+        return view_plane_m
+    wanted_m = grid.span_m * camera.intrinsics.fx / grid.crop_px
+    return view_plane_m if abs(wanted_m / view_plane_m - 1) < SAME_SCALE else wanted_m
 
 
 def raw_from_input(
@@ -67,8 +99,9 @@ def raw_from_input(
     focal = steps.new_tensor([k.fx, k.fy])
     centre = steps.new_tensor([k.cx, k.cy])
     camera_offset_m = steps.new_tensor([camera.x_tool_camera_m, camera.y_tool_camera_m])
-    # Input pixel -> metres around the grasp point: the crop's pixels are those of a camera at view_plane_m.
-    metres_per_pixel = grid.crop_px / grid.size_px * view_plane_m / focal  # (2,)
+    # Input pixel -> metres around the grasp point: the crop's pixels are those of a camera at this distance.
+    judged_m = judged_from_m(camera, grid, view_plane_m)
+    metres_per_pixel = grid.crop_px / grid.size_px * judged_m / focal  # (2,)
     cos, sin = torch.cos(steps[:, 2]), torch.sin(steps[:, 2])
     turn = torch.stack([torch.stack([cos, -sin], -1), torch.stack([sin, cos], -1)], -2)  # (B, 2, 2)
     linear = (focal / plane_m)[:, None] * turn * metres_per_pixel  # (B, 2, 2)

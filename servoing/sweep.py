@@ -14,7 +14,7 @@ from torch import Tensor
 
 from handsight.servoing.errors import ServoSettingsError
 from handsight.servoing.footprint import Footprint
-from handsight.servoing.homography import InputGrid, predict_picture
+from handsight.servoing.homography import InputGrid, judged_from_m, predict_picture
 from handsight.servoing.prepared_view import PreparedView
 from handsight.servoing.scorer import GraspScorer, MapScorer
 from handsight.servoing.scores import check_scores
@@ -63,7 +63,8 @@ def lattice(
         for x_m in (footprint.x_min_m, footprint.x_max_m)
         for y_m in (footprint.y_min_m, footprint.y_max_m)
     ]
-    pitch_m = every * grid.crop_px / grid.size_px * (prepared.plane_m if view_plane_m is None else view_plane_m)
+    judged_m = judged_from_m(prepared.camera, grid, prepared.plane_m if view_plane_m is None else view_plane_m)
+    pitch_m = every * grid.crop_px / grid.size_px * judged_m
     u_m = _centred([u for u, _ in corners], pitch_m / k.fx)  # (C,)
     v_m = _centred([v for _, v in corners], pitch_m / k.fy)  # (R,)
     v_grid, u_grid = torch.meshgrid(v_m, u_m, indexing="ij")  # (R, C)

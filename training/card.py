@@ -12,7 +12,7 @@ from typing import Any
 
 from handsight.datasets.atomic import atomic_file
 from handsight.datasets.errors import counted
-from handsight.training.run_figures import figures_of, version_of
+from handsight.training.run_figures import figures_of, input_words, version_of
 from handsight.training.run_folder import CARD, CARD_MARK, WEIGHTS, is_card
 from handsight.training.run_record import WEIGHTS_SHA256, origins_of
 
@@ -80,7 +80,7 @@ def _what(record: Mapping[str, Any]) -> Iterator[str]:
     )
     yield ""
     yield f"- reads: {_READS[network['channels']]} (`{network['channels']}`)"
-    yield f"- input: {grid['crop_px']} px of the picture around the grasp, as {grid['size_px']} x {grid['size_px']} px"
+    yield f"- input, around the grasp: {input_words(grid)}"
     yield f"- convolutions: widths {_list(network['widths'])}, kernels {_list(network['kernels'])}, stride 2"
     yield f"- dense layers: {_list(network['dense'])}"
     yield f"- weights: `{WEIGHTS}`, SHA-256 `{record.get(WEIGHTS_SHA256)}`"

@@ -190,7 +190,7 @@ def _record(
         "handsight": __version__,
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
         "origins": [origin.to_json() for origin in origins],
-        "grid": asdict(grid),
+        "grid": grid.to_json(),
         "settings": {**asdict(settings), "network": settings.network.to_json()},
         "parameters": sum(parameter.numel() for parameter in network.parameters()),
     }

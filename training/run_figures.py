@@ -35,6 +35,12 @@ class RunFigures:
     weights_sha256: str | None
 
 
+def input_words(grid: Mapping[str, Any]) -> str:
+    """What a network reads, in words, from the grid of a record."""
+    span = f" ({grid['span_m']:.2f} m of the table)" if grid.get("span_m") else ""
+    return f"{grid['crop_px']} px of the picture{span} as {grid['size_px']} x {grid['size_px']} px"
+
+
 def figures_of(record: Mapping[str, Any]) -> RunFigures:
     """The figures of a record that was read."""
     origins = origins_of(dict(record))

@@ -202,6 +202,7 @@ _TEXT = text(4096)
 _COUNT = whole(0, 2**53)
 _SHARE = number(0, 1)
 _SIZE = whole(1, 2**31)
+_SPAN_M = number(1e-3, 100)
 _FINITE = number(-1e30, 1e30)
 
 _CLOSED = ("origin", "origins[]", "grid", "settings.network")
@@ -222,7 +223,7 @@ _RECORD = {
     "created": _Optional(_TEXT),
     "origin": _Optional(_ORIGIN),
     "origins": _Optional([_ORIGIN]),
-    "grid": {"crop_px": _SIZE, "size_px": _SIZE},
+    "grid": {"crop_px": _SIZE, "size_px": _SIZE, "span_m": _Optional(_SPAN_M)},
     "settings": {
         "network": {
             "channels": one_of(*CHANNEL_NAMES),

@@ -19,5 +19,5 @@ def home_command(rig: RigFile, as_json: Json = False) -> None:
     if as_json:
         print_json({"pose_base_tool": pose})
     else:
-        x_m, y_m, z_m = (float(value) for value in pose[:3, 3])
+        x_m, y_m, z_m = (round(float(value), 3) + 0.0 for value in pose[:3, 3])  # Without a minus before zero.
         console.print(bold("home"), f": the fingertips are at ({x_m:.3f}, {y_m:.3f}, {z_m:.3f}) m over the table")

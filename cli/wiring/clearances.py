@@ -77,7 +77,7 @@ def print_clearances(results: dict[str, Any]) -> None:
     print_table(columns, cells)
     if results["comparisons"]:
         console.print()
-        console.print("tables of which more was cleared than by the reference; p of the sign test, two-sided")
+        console.print("tables cleared further than by the reference; two-sided p of the sign test")
         compared = [
             (row["method"], row["against"], str(row["pairs"]), str(row["won"]), str(row["lost"]), f"{row['p']:.2g}")
             for row in results["comparisons"]

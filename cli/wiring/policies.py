@@ -5,7 +5,7 @@ PyTorch takes seconds to import: only the servo policy needs it, and only once i
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -117,10 +117,9 @@ def recorded_policy(settings: dict[str, Any], model: Path | None) -> PregraspPol
     servo = rest["servo"]
     # Older sessions have the grid among the settings of the loop.
     grid = rest["grid"] if "grid" in rest else servo["grid"]
-    if asdict(network.grid) != grid:
+    if (here := network.grid.to_json()) != grid:
         raise CommandError(
-            f"{model} has inputs {asdict(network.grid)}, and the session was collected with {grid}: name the run that "
-            "collected it"
+            f"{model} has inputs {here}, and the session was collected with {grid}: name the run that collected it"
         )
     return ServoPolicy(
         open_network=network,

@@ -94,7 +94,7 @@ def _arm(rig: RigConfig) -> Iterator[Finding]:
         hot = temperature_fault(rig.guards, states[-1].temperatures_c)
         warmest = f"at most {max(states[-1].temperatures_c):.0f} degrees"
         yield Finding(device="arm", what="temperature", ok=not hot, found=hot or warmest)
-        x_m, y_m, z_m = states[-1].tcp_pose[:3]
+        x_m, y_m, z_m = (round(value, 3) + 0.0 for value in states[-1].tcp_pose[:3])  # Without a minus before zero.
         yield Finding(device="arm", what="pose", ok=True, found=f"({x_m:.3f}, {y_m:.3f}, {z_m:.3f}) m")
 
 

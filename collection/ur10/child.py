@@ -25,6 +25,8 @@ from handsight.collection.errors import DeviceError, DeviceLostError, PoseRefuse
 
 _SPAWN = multiprocessing.get_context("spawn")
 _PR_SET_PDEATHSIG = 1
+LEAVE_TIMEOUT_S = 1.0
+"""How long a child whose device is closed may take to end."""
 _KNOWN = {kind.__name__: kind for kind in (DeviceError, DeviceLostError, PoseRefusedError, RobotStoppedError)}
 
 
@@ -127,6 +129,8 @@ class SupervisedChild:
         if self.alive:
             with contextlib.suppress(DeviceError):
                 self._ask("close", (), timeout_s)
+            if self._process is not None:
+                self._process.join(LEAVE_TIMEOUT_S)
         self.kill()
 
     def _ask(self, method: str, arguments: tuple[Any, ...], timeout_s: float) -> Any:

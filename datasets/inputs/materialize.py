@@ -14,7 +14,7 @@ import os
 from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -33,9 +33,9 @@ from handsight.datasets.inputs.viewpoint import DEFAULT_VIEWPOINT
 from handsight.datasets.reading.reader import GraspDataset
 from handsight.datasets.records import RgbdFrame, StationSpec
 from handsight.datasets.store.readers import being_read
-from handsight.datasets.views import station_view
+from handsight.datasets.views import input_span_m, station_view
 from handsight.datasets.writable import folder_fault
-from handsight.servoing.homography import InputGrid, predict_inputs
+from handsight.servoing.homography import SAME_SCALE, InputGrid, predict_inputs
 from handsight.servoing.planar import PlanarPose
 from handsight.servoing.prepared_view import PreparedView
 
@@ -89,7 +89,8 @@ def materialize(
         dataset: The version to read.
         viewpoint: Which picture to warp to the pre-grasp pose: ``overhead`` is in every collection,
             ``pregrasp`` was taken there, where it was asked for.
-        grid: Crop and size of the inputs.
+        grid: Crop and size of the inputs, and how much of the table they show; unless given that is what the first
+            session shows.
         on_attempt: Called for every input made, not for those found in the cache.
 
     Raises:
@@ -98,8 +99,8 @@ def materialize(
         VersionRemovedError: The version was expired and collected meanwhile.
         StorageError: Nothing can be written beside the dataset, where inputs are kept.
     """
-    grid = grid or InputGrid()
     rows = usable_attempts(dataset, viewpoint)
+    grid = _at_one_scale(dataset, grid or InputGrid())
     holds = _cache_key(dataset, viewpoint, grid)
     path = dataset.repository.side_folder / "inputs" / f"{hashlib.sha256(holds.encode()).hexdigest()[:32]}.npy"
     shape = (len(rows), 4, grid.size_px, grid.size_px)
@@ -133,8 +134,21 @@ def usable_attempts(dataset: GraspDataset, viewpoint: Viewpoint) -> pd.DataFrame
     return rows
 
 
+def _at_one_scale(dataset: GraspDataset, grid: InputGrid) -> InputGrid:
+    """The grid with a span just where that changes something.
+
+    Stations look at the table from different heights. Where they do, or the network learnt from another height than
+    this dataset has, every input shows as much of the table as those of the network, or else of the first station.
+    """
+    told = (input_span_m(session.header.station, grid) for session in dataset.sessions)
+    spans_m = [one_m for one_m in told if one_m is not None]
+    span_m = grid.span_m or (spans_m[0] if spans_m else None)
+    differ = span_m is not None and any(abs(one_m / span_m - 1) > SAME_SCALE for one_m in spans_m)
+    return replace(grid, span_m=span_m if differ else None)
+
+
 def _cache_key(dataset: GraspDataset, viewpoint: Viewpoint, grid: InputGrid) -> str:
-    key = {"snapshot": dataset.snapshot_id, "view": viewpoint, "grid": asdict(grid), "version": CACHE_VERSION}
+    key = {"snapshot": dataset.snapshot_id, "view": viewpoint, "grid": grid.to_json(), "version": CACHE_VERSION}
     return json.dumps(key, sort_keys=True)
 
 

@@ -5,10 +5,12 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from tests.support.lab import make_lab
+from tests.support.measured_children import measured_children
 
 from handsight.cli.app import NOUNS
 from handsight.cli.completion import rejoined
@@ -21,6 +23,12 @@ from handsight.evaluation.disturbance import EXAMPLES
 from handsight.servoing.methods.registry import METHODS
 
 PROGRAM = "import sys; from handsight.cli.app import main; main()"
+
+
+@pytest.fixture(scope="module", autouse=True)
+def measured() -> Iterator[None]:
+    with measured_children():
+        yield
 
 
 def call(*words: str, **environment: str) -> subprocess.CompletedProcess[str]:

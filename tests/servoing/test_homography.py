@@ -20,7 +20,7 @@ from handsight.collection.sim.bullet import pybullet as pb
 from handsight.collection.sim.config import D435_ON_GRIPPER
 from handsight.servoing.camera import HandCamera, Intrinsics
 from handsight.servoing.errors import CameraModelError, ServoSettingsError, StepError
-from handsight.servoing.homography import InputGrid, predict_inputs, raw_from_input
+from handsight.servoing.homography import SAME_SCALE, InputGrid, predict_inputs, raw_from_input
 from handsight.servoing.planar import PlanarPose, PlanarStep
 from handsight.servoing.prepared_view import PreparedView
 
@@ -82,6 +82,39 @@ def test_steps_compose(
 def test_another_height_only_scales(camera: HandCamera, view_plane_m: float) -> None:
     here, there = _maps(camera, (0, 0, 0))[0], _maps(camera, (0, 0, 0), view_plane_m=view_plane_m)[0]
     torch.testing.assert_close(there[:, :2], here[:, :2] * (view_plane_m / 0.5))
+
+
+@given(
+    camera=cameras,
+    step=small_steps,
+    plane_m=st.floats(0.25, 0.8),
+    view_plane_m=st.floats(0.25, 0.8),
+    span_m=st.floats(0.1, 0.6),
+)
+def test_a_network_sees_as_much_of_the_table_from_any_height_and_by_any_camera(
+    camera: HandCamera, step: tuple[float, float, float], plane_m: float, view_plane_m: float, span_m: float
+) -> None:
+    grid = InputGrid(span_m=span_m)
+    rows = torch.tensor([step], dtype=torch.float64)
+    linear = raw_from_input(camera, rows, plane_m=plane_m, view_plane_m=view_plane_m, grid=grid)[0, :, :2]
+    side_px = float(torch.linalg.norm(linear[:, 0])) * grid.size_px
+    side_m = side_px * plane_m / camera.intrinsics.fx
+    # What is measured of the table's distance differs by millimetres from picture to picture, and stays as it is.
+    as_it_is_m = grid.crop_px * view_plane_m / camera.intrinsics.fx
+    expected_m = as_it_is_m if abs(span_m / as_it_is_m - 1) < SAME_SCALE else span_m
+    assert side_m == pytest.approx(expected_m)
+
+
+@pytest.mark.parametrize("span_m", [0.0, -0.3, float("nan"), float("inf")])
+def test_impossible_spans_are_refused(span_m: float) -> None:
+    with pytest.raises(ServoSettingsError, match="expected a positive length"):
+        InputGrid(span_m=span_m)
+
+
+def test_a_grid_is_told_without_a_span_that_nobody_knows() -> None:
+    assert InputGrid().to_json() == {"crop_px": 400, "size_px": 64}
+    spanned = InputGrid(span_m=0.32)
+    assert InputGrid(**spanned.to_json()) == spanned
 
 
 def _square(affine: Tensor) -> Tensor:

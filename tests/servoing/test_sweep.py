@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 import torch
@@ -36,6 +37,19 @@ def test_a_sweep_is_what_its_steps_score(network_scorer: Scorer, angle_rad: floa
     assert isinstance(scorer, MapScorer) == mapped
     objective = Objective(view, scorer)
     swept = objective.sweep(angle_rad, every=every)
+    one_by_one = objective(swept.steps.reshape(-1, 3)).reshape(swept.scores.shape)
+    torch.testing.assert_close(swept.scores, one_by_one, rtol=0, atol=1e-4)
+
+
+@pytest.mark.parametrize("share", [0.6, 1.4])
+def test_a_sweep_from_another_height_is_what_its_steps_score(network_scorer: Scorer, share: float) -> None:
+    """A network that was trained on pictures which show less of the table, or more."""
+    grid = replace(GRID, span_m=share * GRID.crop_px * DISTANCE_M / CAMERA.intrinsics.fx)
+    view, _ = DrawnTable(START).look()
+    here = Objective(view, network_scorer)
+    objective = Objective(view, FunctionScorer(network_scorer, grid))
+    assert (objective.inputs_here() != here.inputs_here()).any()
+    swept = objective.sweep(0.7, every=2)
     one_by_one = objective(swept.steps.reshape(-1, 3)).reshape(swept.scores.shape)
     torch.testing.assert_close(swept.scores, one_by_one, rtol=0, atol=1e-4)
 

@@ -15,9 +15,11 @@ from importlib.util import find_spec
 from typing import Any
 
 import pytest
+from tests.support.measured_children import measured_children
 
 CONTROL_PORT = 7000
 START_LIMIT_S = 60
+END_LIMIT_S = 10
 _numbers = itertools.count(2)
 
 
@@ -75,11 +77,15 @@ def running_rig(*options: str, camera: bool = False) -> Iterator[RunningRig]:
     robot, eye = free_address(), free_address()
     command = [sys.executable, "-m", "handsight.collection.ur10.emulator", "--robot", robot]
     command += ["--control", str(CONTROL_PORT), *(("--camera", eye) if camera else ()), *options]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+    with measured_children(), subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         try:
             assert process.stdout is not None
             ready = process.stdout.readline()
             assert ready, f"the emulator ended with status {process.wait(START_LIMIT_S)}"
             yield RunningRig(robot, eye, json.loads(ready)["generation"], process)
         finally:
-            process.kill()
+            process.terminate()
+            try:
+                process.wait(END_LIMIT_S)
+            finally:
+                process.kill()

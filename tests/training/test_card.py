@@ -15,7 +15,7 @@ from handsight.training.run_record import read_values
 
 GOLDEN = """\
 - reads: colour and height (`rgbd`)
-- input: 100 px of the picture around the grasp, as 16 x 16 px
+- input, around the grasp: 100 px of the picture as 16 x 16 px
 - convolutions: widths 8, 8, kernels 3, 3, stride 2
 - dense layers: 16
 - weights: `model.safetensors`, SHA-256 `{sha256}`

@@ -9,7 +9,7 @@ from typing import Any
 
 from handsight.datasets.errors import counted
 from handsight.training.card import limits
-from handsight.training.run_figures import RunFigures, figures_of, version_of
+from handsight.training.run_figures import RunFigures, figures_of, input_words, version_of
 from handsight.training.run_files import FileCheck, check_files
 from handsight.training.run_folder import RUN_RECORD, check_finished_run
 from handsight.training.run_record import RECORD_SHA256, origins_of, read_values
@@ -48,7 +48,7 @@ def _facts(record: Mapping[str, Any], figures: RunFigures) -> tuple[tuple[str, s
     return (
         ("reads", figures.channels),
         ("parameters", "–" if figures.parameters is None else count(figures.parameters)),
-        ("input", f"{grid['crop_px']} px of the picture as {grid['size_px']} x {grid['size_px']} px"),
+        ("input", input_words(grid)),
         ("attempts", count(figures.attempts)),
         ("kept", kept),
         ("held out", "–" if figures.held_out is None else counted(figures.held_out, "attempt")),
