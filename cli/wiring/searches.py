@@ -11,6 +11,7 @@ from handsight.cli.output import bold, console, progress_bar
 from handsight.cli.tables import Column, print_table
 from handsight.cli.wiring.sweeps import duration_text, opened
 from handsight.datasets.errors import counted
+from handsight.jobs.engine import Engine
 from handsight.training.intervals import MeanOverTrials
 from handsight.training.search.plan import SPACE, SearchPlan, settle_search
 from handsight.training.search.run import ProposalTask, loss_of, run_search
@@ -50,7 +51,7 @@ def estimated(plan: SearchPlan, out: Path, proposals: int, workers: int) -> Esti
     return estimate(plan.sweep, left, {}, workers=workers, samples_per_s=speed)
 
 
-def run(plan: SearchPlan, out: Path, *, proposals: int, workers: int) -> list[ProposalRow]:
+def run(plan: SearchPlan, out: Path, *, proposals: int, workers: int, engine: Engine) -> list[ProposalRow]:
     """Judge proposals behind a progress bar, and write what was found; returns all proposals, the best first."""
     data = opened(plan.sweep).data  # inputs are made once, here, and not by every worker
     trials = plan.sweep.trials
@@ -63,7 +64,7 @@ def run(plan: SearchPlan, out: Path, *, proposals: int, workers: int) -> list[Pr
             said = "failed" if result is None else f"{loss_of(result):.3f}"
             bar.advance(f"proposal {task.proposal}, trial {task.cell.trial}: {said}")
 
-        run_search(plan, out, proposals=proposals, workers=workers, data=data, on_cell=show)
+        run_search(plan, out, proposals=proposals, workers=workers, engine=engine, data=data, on_cell=show)
     rows = proposal_rows(plan, out)
     write_search(plan, out, rows)
     return rows
