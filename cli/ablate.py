@@ -260,7 +260,7 @@ def ablate_status(folder: SweepFolderArgument, workers: Workers = 2, as_json: Js
     states = {cell: cells.state(cell) for cell in plan.cells()}
     done = cells.results(plan.cells())
     left = [cell for cell, state in states.items() if state in ("left", "running")]
-    seconds = estimate(plan, left, done, workers=workers, samples_per_s=None).seconds if done else None
+    seconds = estimate(plan, left, done, workers=workers, speeds=None).seconds if done else None
     points: dict[tuple[str, int | None], list[str]] = {}
     for cell, state in states.items():
         points.setdefault((cell.series, cell.size), []).append(state)

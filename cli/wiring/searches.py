@@ -25,7 +25,7 @@ from handsight.training.search.table import (
     row_json,
     write_search,
 )
-from handsight.training.sweep.estimate import Estimate, estimate, measured_speed
+from handsight.training.sweep.estimate import Estimate, estimate, measured_speeds
 from handsight.training.sweep.prepare import plan_sweep
 from handsight.training.sweep.result import CellResult
 
@@ -47,8 +47,8 @@ def estimated(plan: SearchPlan, out: Path, proposals: int, workers: int) -> Esti
     cells = list(plan.sweep.cells())
     begun = [row for row in rows if row.state in ("running", "left")]
     left = [cell for row in begun for cell in cells[row.trials :]] + cells * max(0, proposals - len(rows))
-    speed = measured_speed(opened(plan.sweep))
-    return estimate(plan.sweep, left, {}, workers=workers, samples_per_s=speed)
+    speeds = measured_speeds(plan.sweep, opened(plan.sweep).data, workers)
+    return estimate(plan.sweep, left, {}, workers=workers, speeds=speeds)
 
 
 def run(plan: SearchPlan, out: Path, *, proposals: int, workers: int, engine: Engine) -> list[ProposalRow]:

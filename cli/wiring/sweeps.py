@@ -18,7 +18,7 @@ from handsight.datasets.errors import counted
 from handsight.jobs.engine import Engine
 from handsight.training.intervals import MeanOverTrials
 from handsight.training.sweep.cell import Cell
-from handsight.training.sweep.estimate import Estimate, estimate, measured_speed
+from handsight.training.sweep.estimate import Estimate, estimate, measured_speeds
 from handsight.training.sweep.folder import SweepFolder
 from handsight.training.sweep.plan import SweepPlan
 from handsight.training.sweep.prepare import plan_sweep, settle
@@ -56,8 +56,8 @@ def estimated(plan: SweepPlan, folder: SweepFolder, chosen: Callable[[Cell], boo
     cells = [cell for cell in plan.cells() if chosen(cell)]
     done = folder.results(cells)
     left = [cell for cell in cells if cell not in done]
-    speed = None if done else measured_speed(opened(plan))
-    return estimate(plan, left, done, workers=workers, samples_per_s=speed)
+    speeds = None if done else measured_speeds(plan, opened(plan).data, workers)
+    return estimate(plan, left, done, workers=workers, speeds=speeds)
 
 
 def run(
