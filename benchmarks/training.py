@@ -8,6 +8,7 @@ import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -16,18 +17,23 @@ import torch
 from torch.nn import functional
 
 from benchmarks import Figure
+from benchmarks._sweeping import sweeping_figures
 from benchmarks.peers.plain_training import PlainTraining
 from handsight.datasets.inputs.materialize import GraspInputs
+from handsight.jobs.processes import process_pool
 from handsight.training.gqn import GraspQualityNetwork
 from handsight.training.passes import Passes
 from handsight.training.precision import dtype_for
 from handsight.training.settings import TrainSettings
+from handsight.training.trainer import train
 
 ATTEMPTS = 1_000
 """Of which each pass makes four samples."""
 LARGE = 30_000
 """Attempts of the dataset of which a cell's memory is measured."""
-REPEATS = 5
+PASSES = 4
+"""Of a training."""
+REPEATS = 3
 
 
 def run() -> list[Figure]:
@@ -35,46 +41,68 @@ def run() -> list[Figure]:
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
     try:
-        return [_speed(), _memory()]
+        return [_speed(), _memory(), *sweeping_figures()]
     finally:
         torch.set_num_threads(threads)
 
 
 def _speed() -> Figure:
-    """A pass, beside the same number of steps on a batch that is ready; by turns, so that a busy machine slows both."""
-    data, settings = _drawn(ATTEMPTS), TrainSettings()
-    rows = np.arange(ATTEMPTS)
-    passes = Passes(_network(settings), data, rows, settings, torch.Generator().manual_seed(0))
-    floor = _bare_steps(settings)
-    plain = PlainTraining(data, settings, dtype=torch.float32)
-    steps = 4 * ATTEMPTS // settings.batch
-    timed: dict[str, list[float]] = {"ours": [], "floor": [], "plain": []}
-    calls: dict[str, Callable[[], object]] = {
-        "ours": passes.run_one,
-        "floor": lambda: [floor() for _ in range(steps)],
-        "plain": plain.run_one,
-    }
-    for call in calls.values():
-        call()
-    for _ in range(REPEATS):
-        for name, call in calls.items():
-            timed[name].append(4 * ATTEMPTS / _processor_s(call))
-    ours, bare, before = (statistics.median(rates) for rates in timed.values())
+    """A training, beside as many steps on a batch that is ready; by turns, so that a busy machine slows both."""
+    data, settings = _drawn(ATTEMPTS), replace(TrainSettings(), epochs=PASSES, patience=PASSES)
+    # The last batch of a pass may be smaller.
+    samples = 4 * (ATTEMPTS - int(settings.holdout * ATTEMPTS))
+    steps = samples // settings.batch
+    floor, formed = _bare_steps(settings), _bare_steps(settings, formed=True)
+    # In a process of its own, which gives its memory back to the system.
+    with tempfile.TemporaryDirectory() as folder, process_pool(1) as other:
+
+        def ours() -> None:
+            train(data, settings, checkpoint=Path(folder) / "checkpoint.ckpt")
+            (Path(folder) / "checkpoint.ckpt").unlink()
+
+        calls: dict[str, tuple[Callable[[], object], int]] = {
+            "ours": (ours, PASSES * samples),
+            "floor": (lambda: [floor() for _ in range(PASSES * steps)], PASSES * steps * settings.batch),
+            "formed": (lambda: [formed() for _ in range(PASSES * steps)], PASSES * steps * settings.batch),
+        }
+        timed: dict[str, list[float]] = {name: [] for name in (*calls, "plain")}
+        for turn in range(1 + REPEATS):
+            rates = {name: count / _processor_s(call) for name, (call, count) in calls.items()}
+            rates["plain"] = other.submit(_plain_rate).result()
+            if turn:
+                for name, rate in rates.items():
+                    timed[name].append(rate)
+    ours_rate, bare, strict, before = (statistics.median(rates) for rates in timed.values())
     return Figure(
-        name="samples of a pass of training",
-        ours=ours,
+        name="training",
+        ours=ours_rate,
         unit="samples/s",
         floor=bare,
-        peers={"jitter and noise drawn for each batch, float32": before},
-        n=4 * ATTEMPTS * REPEATS,
+        peers={
+            "the floor on inputs normalised ahead": strict,
+            "jitter and noise drawn for each batch, float32": before,
+        },
+        n=PASSES * samples * REPEATS,
         what=(
-            f"Samples that a second of one thread's time is enough for, in batches of {settings.batch} with all that a "
-            "pass does: gathered, flipped, turned, shifted, brightened, made noisy, mixed, learnt from, averaged. The "
-            "floor is forward, backward and AdamW alone on one batch that is ready, in the same precision "
-            f"({str(dtype_for(settings.precision, torch.device('cpu'))).removeprefix('torch.')}). The peer resamples, "
-            "flips and draws noise in steps of their own and computes in float32, as handsight did before."
+            f"Samples that a second of one thread's time is enough for, in batches of {settings.batch} with all that "
+            "train() does: gathered, flipped, turned, shifted, brightened, made noisy, mixed, learnt from, averaged, "
+            "after every pass evaluated and kept on disk. The floor is forward, backward and AdamW alone on one batch "
+            "that is ready, in the same precision "
+            f"({str(dtype_for(settings.precision, torch.device('cpu'))).removeprefix('torch.')}). The first peer does "
+            "not even normalise its inputs. The second resamples, flips and draws noise in steps of their own and "
+            "computes in float32, as handsight did before."
         ),
     )
+
+
+@cache
+def _plain() -> PlainTraining:
+    torch.set_num_threads(1)
+    return PlainTraining(_drawn(ATTEMPTS), TrainSettings(), dtype=torch.float32)
+
+
+def _plain_rate() -> float:
+    return 4 * ATTEMPTS / _processor_s(_plain().run_one)
 
 
 def _memory() -> Figure:
@@ -115,17 +143,20 @@ def _drawn(count: int) -> GraspInputs:
     return GraspInputs(inputs=inputs, attempts=pd.DataFrame({"success": labels}))
 
 
-def _bare_steps(settings: TrainSettings) -> Callable[[], None]:
-    """Forward, backward and optimiser on one batch, and nothing else."""
+def _bare_steps(settings: TrainSettings, *, formed: bool = False) -> Callable[[], None]:
+    """Forward, backward and optimiser on one batch, and nothing else; ``formed`` if that is as layers read it."""
     network = _network(settings).to(memory_format=torch.channels_last).train()  # type: ignore[call-overload]
     optimiser = torch.optim.AdamW(network.parameters(), lr=settings.learning_rate, weight_decay=settings.weight_decay)
-    inputs = torch.rand(settings.batch, 4, 64, 64).contiguous(memory_format=torch.channels_last)
-    labels = (torch.rand(settings.batch) < 0.2).float()
     dtype = dtype_for(settings.precision, torch.device("cpu"))
+    side = settings.network.reach_px if formed else settings.network.size_px
+    inputs = torch.rand(settings.batch, 4, side, side, dtype=dtype if formed else torch.float32)
+    inputs = inputs.contiguous(memory_format=torch.channels_last)
+    labels = (torch.rand(settings.batch) < 0.2).float()
+    score = network.logits_of if formed else network
 
     def step() -> None:
         with torch.autocast("cpu", dtype, enabled=dtype != torch.float32):
-            logits = network(inputs)
+            logits = score(inputs)
         loss = functional.binary_cross_entropy_with_logits(logits.float(), labels)
         optimiser.zero_grad(set_to_none=True)
         loss.backward()

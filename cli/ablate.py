@@ -14,6 +14,7 @@ from handsight.cli.opening import check_named_once, checked_address
 from handsight.cli.options import MOST_EPOCHS, Datasets, DryRun, EngineName, Json, RayAddress, Seed, Workers
 from handsight.cli.output import bold, console, print_json
 from handsight.cli.wiring.engines import check_engine, engine_named
+from handsight.datasets.address import location_of
 from handsight.datasets.errors import counted
 from handsight.datasets.inputs.viewpoint import DEFAULT_VIEWPOINT
 
@@ -196,6 +197,7 @@ def sweep(
 ) -> dict[str, Any] | None:
     """Plan and train a sweep; returns what it found, or None of a dry run, which says what it would do."""
     check_engine(engine, ray_address)
+    check_sweep_folder(out)
     check_named_once(datasets)
     for dataset in datasets:
         checked_address(dataset)
@@ -258,7 +260,7 @@ def ablate_status(folder: SweepFolderArgument, workers: Workers = 2, as_json: Js
     states = {cell: cells.state(cell) for cell in plan.cells()}
     done = cells.results(plan.cells())
     left = [cell for cell, state in states.items() if state in ("left", "running")]
-    seconds = estimate(plan, left, done, workers=workers, samples_per_s=None).seconds if done else None
+    seconds = estimate(plan, left, done, workers=workers, speeds=None).seconds if done else None
     points: dict[tuple[str, int | None], list[str]] = {}
     for cell, state in states.items():
         points.setdefault((cell.series, cell.size), []).append(state)
@@ -297,6 +299,20 @@ def ablate_plot(folder: SweepFolderArgument, as_json: Json = False) -> None:
 
     found = write_tables(read_plan(folder), folder)
     end_sweep(found, folder, as_json=as_json)
+
+
+def check_sweep_folder(out: Path) -> None:
+    """Refuse a bucket, before a folder of its name is made.
+
+    Raises:
+        CommandError: It is no folder of this machine.
+    """
+    location = location_of(out)
+    if not isinstance(location, Path):
+        raise CommandError(
+            f"--out is {location}, expected a folder: cells are shared by locks that end with their process, and a "
+            "bucket has none; the dataset can lie in a bucket, and the folder can be copied to one"
+        )
 
 
 def sizes_of(text: str) -> list[int | None]:

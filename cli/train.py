@@ -38,7 +38,12 @@ DEFAULT_RATE = 2e-3
 """``TrainSettings`` has it too, and a test that they agree."""
 
 
+_OF_THE_RECIPE = ("channels", "epochs", "batch", "lr")
+"""Options that a recipe has a value of."""
+
+
 def train_command(
+    ctx: typer.Context,
     datasets: Datasets,
     out: Annotated[Path, typer.Option("--out", metavar="RUN", help="Folder for the trained run.")],
     channels: Annotated[Literal["rgbd", "rgb", "depth"], typer.Option(help="What the network reads.")] = "rgbd",
@@ -65,6 +70,10 @@ def train_command(
         int | None, typer.Option(min=2, max=MOST_ATTEMPTS, help="Attempts to train on, drawn by the seed.")
     ] = None,
     lr: Annotated[float, typer.Option("--lr", help="Learning rate.")] = DEFAULT_RATE,
+    recipe: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Train by the recipe in best.json of 'handsight tune', channels included."),
+    ] = None,
     device: Annotated[
         Literal["auto", "cpu", "cuda"], typer.Option(help="Where to train; auto is a GPU where there is one.")
     ] = "cpu",
@@ -89,12 +98,17 @@ def train_command(
     check_run_folder(out, overwrite=overwrite, resume=resume)
     if tensorboard:
         check_tensorboard()
+    if recipe is not None:
+        _check_recipe(recipe, [name for name in _OF_THE_RECIPE if _is_given(ctx, name)])
     from handsight.training.data_selection import DataSelection
     from handsight.training.gqn import GqnConfig
+    from handsight.training.recipe_file import read_recipe
     from handsight.training.settings import TrainSettings
 
-    settings = TrainSettings(
-        network=GqnConfig(channels=channels), epochs=epochs, batch=batch, learning_rate=lr, seed=seed
+    settings = (
+        TrainSettings(network=GqnConfig(channels=channels), epochs=epochs, batch=batch, learning_rate=lr, seed=seed)
+        if recipe is None
+        else read_recipe(recipe, seed=seed)
     )
     selection = DataSelection(where=where, filter=filter, folds=fold_name, fold=fold, size=size)
     opened = {dataset: open_version(dataset) for dataset in datasets}
@@ -118,6 +132,24 @@ def train_command(
     else:
         passes = f"pass {trained.kept.number} of {len(trained.history)} kept"
         console.print(bold(out), f": {describe(trained.kept.held_out)}; {passes}")
+
+
+def _is_given(ctx: typer.Context, name: str) -> bool:
+    source = ctx.get_parameter_source(name)
+    return source is not None and source.name == "COMMANDLINE"
+
+
+def _check_recipe(recipe: Path, given: Sequence[str]) -> None:
+    """Refuse a recipe that is not there, and options that it has a value of.
+
+    Raises:
+        CommandError: It is no file, or there are such options.
+    """
+    if not recipe.is_file():
+        raise CommandError(f"--recipe is {recipe}, expected a file: best.json of a search, see 'handsight tune --help'")
+    if given:
+        options = ", ".join(f"--{name}" for name in given)
+        raise CommandError(f"{options} is given beside --recipe, which has a value of its own: leave one of them out")
 
 
 def fold_of(text: str) -> tuple[str, int]:

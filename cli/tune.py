@@ -7,11 +7,12 @@ from typing import Annotated, Literal
 
 import typer
 
-from handsight.cli.ablate import By, Epochs, HeldOut, SweepViewpoint, sizes_of
+from handsight.cli.ablate import By, Epochs, HeldOut, SweepViewpoint, check_sweep_folder, sizes_of
 from handsight.cli.errors import CommandError
 from handsight.cli.opening import checked_address
-from handsight.cli.options import Dataset, DryRun, Json, Seed, Workers
+from handsight.cli.options import Dataset, DryRun, EngineName, Json, RayAddress, Seed, Workers
 from handsight.cli.output import print_json
+from handsight.cli.wiring.engines import check_engine, engine_named
 from handsight.datasets.inputs.viewpoint import DEFAULT_VIEWPOINT
 
 NOTHING_FOUND = 1
@@ -39,6 +40,8 @@ def tune_command(
     epochs: Epochs = 40,
     viewpoint: SweepViewpoint = DEFAULT_VIEWPOINT,
     workers: Workers = 2,
+    engine: EngineName = "local",
+    ray_address: RayAddress = None,
     dry_run: DryRun = False,
     as_json: Json = False,
 ) -> None:
@@ -54,6 +57,8 @@ def tune_command(
         raise CommandError(f"--size is {size!r}, expected one number of attempts, or all")
     if proposals < 1:
         raise CommandError(f"--proposals is {proposals}, expected at least 1, which is the usual recipe")
+    check_engine(engine, ray_address)
+    check_sweep_folder(out)
     checked_address(dataset)
     from handsight.cli.wiring.searches import estimated, found, planned, print_estimate, print_found, run
     from handsight.training.settings import TrainSettings
@@ -80,7 +85,8 @@ def tune_command(
         else:
             print_estimate(plan, left, workers)
         return
-    rows = run(plan, out, proposals=proposals, workers=workers)
+    with engine_named(engine, ray_address, workers) as started:
+        rows = run(plan, out, proposals=proposals, workers=workers, engine=started)
     if as_json:
         print_json(found(rows, out))
     else:

@@ -45,15 +45,10 @@ class FoldedNetwork:
     normalisation: tuple[Tensor, Tensor] | None
     """Shift and scale of the inputs, each of shape (C, 1, 1); None where the first convolution does it."""
 
-    @property
-    def reach_px(self) -> int:
-        """How many pixels of a side of the input a score depends on; strides can leave some at its end unread."""
-        taps = [*self.config.kernels, self.config.sides[-1]]
-        return 1 + sum((kernel - 1) << at for at, kernel in enumerate(taps))
-
     def logits(self, inputs: Tensor) -> Tensor:
         """As the network's ``forward``, in inference. (B, 4, size, size) -> (B,), float32."""
-        x = self._prepared(inputs)
+        reach_px = self.config.reach_px
+        x = self._prepared(inputs[..., :reach_px, :reach_px])
         for layer, kernel in zip(self.convolutions, self.config.kernels, strict=True):
             border_px = self.config.border_px(kernel)
             x = functional.elu_(functional.conv2d(x, layer.weight, layer.bias, stride=2, padding=border_px))
@@ -75,7 +70,7 @@ class FoldedNetwork:
         """
         size_px = self.config.size_px
         end_row, end_column = (
-            (side - size_px) // every * every + self.reach_px for side in (picture.shape[1], picture.shape[2])
+            (side - size_px) // every * every + self.config.reach_px for side in (picture.shape[1], picture.shape[2])
         )
         x = self._prepared(picture[None, :, :end_row, :end_column])
         stride_px, step_px = 1, 1  # between the taps of a kernel, and between the positions that are computed

@@ -14,6 +14,7 @@ from typing import Any, Self
 import torch
 from torch import Tensor, nn
 
+from handsight.datasets.inputs.augmentation import InputForm
 from handsight.training.errors import NetworkSettingsError
 
 CHANNEL_SETS = {"rgbd": (0, 1, 2, 3), "rgb": (0, 1, 2), "depth": (3,)}
@@ -93,6 +94,14 @@ class GqnConfig:
             sides.append((sides[-1] + 2 * self.border_px(kernel) - kernel) // 2 + 1)
         return tuple(sides)
 
+    @property
+    def reach_px(self) -> int:
+        """How many pixels of a side the score depends on, from the first; strides can leave some at the end unread."""
+        if self.padded:
+            return self.size_px
+        taps = [*self.kernels, self.sides[-1]]
+        return 1 + sum((kernel - 1) << at for at, kernel in enumerate(taps))
+
     def border_px(self, kernel: int) -> int:
         """Width of the border of zeros that a convolution adds."""
         return kernel // 2 if self.padded else 0
@@ -167,7 +176,7 @@ class GraspQualityNetwork(nn.Module):
             layers += [
                 nn.Conv2d(width, next_width, kernel, stride=2, padding=config.border_px(kernel), bias=False),
                 nn.BatchNorm2d(next_width),
-                nn.ELU(),
+                nn.ELU(inplace=True),
             ]
             width = next_width
         self.features = nn.Sequential(*layers)
@@ -189,8 +198,19 @@ class GraspQualityNetwork(nn.Module):
 
     def forward(self, inputs: Tensor) -> Tensor:
         """Logits for inputs as made by ``predict_inputs``. (B, 4, size, size) -> (B,)."""
-        logits: Tensor = self.head(self.features(self._normalised(inputs)))
+        return self.logits_of(self._normalised(inputs))
+
+    def logits_of(self, formed: Tensor) -> Tensor:
+        """Logits for inputs that are in the network's form already. (B, C, reach, reach) -> (B,)."""
+        logits: Tensor = self.head(self.features(formed))
         return logits[:, 0]
+
+    def form(self, dtype: torch.dtype = torch.float32) -> InputForm:
+        """In which form it reads inputs, to compute with numbers of some type."""
+        shift, scale = (self.get_buffer(name).flatten().tolist() for name in ("shift", "scale"))
+        return InputForm(
+            size_px=self.config.reach_px, first=self._picked[0], shift=tuple(shift), scale=tuple(scale), dtype=dtype
+        )
 
     def hidden(self, inputs: Tensor) -> Tensor:
         """What the last layer sees, of which it makes the logit. (B, 4, size, size) -> (B, D)."""
@@ -198,8 +218,10 @@ class GraspQualityNetwork(nn.Module):
         return layers
 
     def _normalised(self, inputs: Tensor) -> Tensor:
-        """The channels that are read, of order one. (B, 4, size, size) -> (B, C, size, size)."""
-        return (inputs[:, self._picked] - self.get_buffer("shift")) / self.get_buffer("scale")
+        """The channels and pixels that are read, of order one. (B, 4, size, size) -> (B, C, reach, reach)."""
+        reach_px, first = self.config.reach_px, self._picked[0]
+        read = inputs[:, first : first + len(self._picked), :reach_px, :reach_px]
+        return (read - self.get_buffer("shift")) / self.get_buffer("scale")
 
 
 def _lecun(layer: nn.Linear) -> nn.Linear:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
 
 from handsight.servoing.scores import check_scores
+
+_SIDES: tuple[Literal["left"], Literal["right"]] = ("left", "right")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,8 +40,8 @@ def evaluate_scores(scores: NDArray[np.float32], labels: NDArray[np.float32]) ->
     auc: float | None = None
     if good.any() and not good.all():
         accuracy = 0.5 * float((scores[good] > 0.5).mean() + (scores[~good] <= 0.5).mean())
-        # Mann and Whitney: the rank sum of the successes counts the pairs in which a success scores higher.
-        ranks = stats.rankdata(scores)
-        pairs = good.sum() * (~good).sum()
-        auc = float((ranks[good].sum() - good.sum() * (good.sum() + 1) / 2) / pairs)
+        # Mann and Whitney: pairs of a success and a failure in which the success scores higher, of equals half.
+        failures = np.sort(scores[~good])
+        beaten = sum(int(np.searchsorted(failures, scores[good], side).sum()) for side in _SIDES)
+        auc = beaten / (2 * int(good.sum()) * len(failures))
     return Metrics(attempts=len(labels), accuracy=accuracy, auc=auc, loss=loss)

@@ -18,6 +18,8 @@ from handsight.datasets.inputs.loader import GraspLoader
 from handsight.datasets.inputs.mixture import LabelledInputs
 from handsight.datasets.inputs.torch_dataset import TorchGrasps
 from handsight.training.gqn import GraspQualityNetwork
+from handsight.training.memory import keep_freed_memory
+from handsight.training.optimiser import AdamW
 from handsight.training.precision import dtype_for
 from handsight.training.settings import TrainSettings
 
@@ -55,6 +57,7 @@ class Passes:
         *,
         device: torch.device = CPU,
     ) -> None:
+        keep_freed_memory()
         # Strided convolutions of few channels are fastest in channels-last, forwards and backwards.
         self._network = network.to(device=device, memory_format=torch.channels_last)  # type: ignore[call-overload]
         self._mean = _RunningMean(network, settings.average)
@@ -63,6 +66,7 @@ class Passes:
         self._rng = np.random.default_rng([settings.seed % 2**64, 1])
         self._device = device
         self._dtype = dtype_for(settings.precision, device)
+        self._form = network.form(self._dtype)
         self._steps = 0
         self._samples = FLIPS * len(trained_on)
         self._loader = GraspLoader(
@@ -72,9 +76,7 @@ class Passes:
             seed=settings.seed % 2**64,
             rows=np.repeat(trained_on, FLIPS),
         )
-        self._optimiser = torch.optim.AdamW(
-            network.parameters(), lr=settings.learning_rate, weight_decay=settings.weight_decay
-        )
+        self._optimiser = AdamW(network.parameters(), weight_decay=settings.weight_decay)
         share = float(data.labels[trained_on].mean())
         weighted = settings.balance and 0 < share < 1
         self._positive_weight = torch.tensor((1 - share) / share, device=device) if weighted else None
@@ -91,7 +93,7 @@ class Passes:
         for inputs, labels in self._loader:  # (B, 4, size, size) float16, (B,)
             if len(labels) < 2:
                 continue  # batch normalisation has no variance over one input
-            varied = self._settings.jitter(inputs, self._generator)
+            varied = self._settings.jitter(inputs, self._generator, self._form)
             batch, mixed_labels = self._mixed(varied, labels)
             total_loss += len(labels) * self._step(
                 batch.to(self._device, non_blocking=True), mixed_labels.to(self._device, non_blocking=True)
@@ -102,8 +104,7 @@ class Passes:
         """Everything that the next passes depend on; it does not change with them."""
         tensors = {f"network.{name}": tensor for name, tensor in self._network.state_dict().items()}
         tensors |= {f"mean.{name}": tensor for name, tensor in self.mean.state_dict().items()}
-        for at, moments in self._optimiser.state_dict()["state"].items():
-            tensors |= {f"optimiser.{at}.{name}": tensor for name, tensor in moments.items()}
+        tensors |= {f"optimiser.{name}": tensor for name, tensor in self._optimiser.state().items()}
         tensors["generator"] = self._generator.get_state()
         return PassesState(
             tensors={name: tensor.detach().cpu().clone() for name, tensor in tensors.items()},
@@ -119,12 +120,7 @@ class Passes:
         """
         self._network.load_state_dict(_below(state.tensors, "network."))
         self.mean.load_state_dict(_below(state.tensors, "mean."))
-        moments: dict[int, dict[str, Tensor]] = {}
-        for name, tensor in _below(state.tensors, "optimiser.").items():
-            at, moment = name.split(".")
-            moments.setdefault(int(at), {})[moment] = tensor
-        groups = self._optimiser.state_dict()["param_groups"]
-        self._optimiser.load_state_dict({"state": moments, "param_groups": groups})
+        self._optimiser.load_state(_below(state.tensors, "optimiser."))
         self._generator.set_state(state.tensors["generator"])
         self._loader.load_state_dict(state.numbers["loader"])
         self._rng.bit_generator.state = state.numbers["rng"]
@@ -138,17 +134,15 @@ class Passes:
         return mixed_up(inputs, labels, torch.from_numpy(self._rng.permutation(len(labels))), share)
 
     def _step(self, inputs: Tensor, labels: Tensor) -> Tensor:
-        """Descend once; returns the loss before, which is not waited for. (B, 4, size, size), (B,)."""
+        """Descend once; returns the loss before, which is not waited for. (B, C, reach, reach), (B,)."""
         rate = self._settings.learning_rate * min(1.0, (self._steps + 1) / (self._settings.warmup_steps + 1))
-        for group in self._optimiser.param_groups:
-            group["lr"] = rate
         with torch.autocast(self._device.type, self._dtype, enabled=self._dtype != torch.float32):
-            logits = self._network(inputs.contiguous(memory_format=torch.channels_last))  # (B,)
+            logits = self._network.logits_of(inputs.contiguous(memory_format=torch.channels_last))  # (B,)
         loss = functional.binary_cross_entropy_with_logits(logits.float(), labels, pos_weight=self._positive_weight)
-        self._optimiser.zero_grad(set_to_none=True)
+        self._optimiser.forget_gradients()
         loss.backward()
-        self._optimiser.step()
-        self._mean.update(self._network, self._steps)
+        self._optimiser.step(rate)
+        self._mean.update(self._steps)
         self._steps += 1
         return loss.detach().double()
 
@@ -157,7 +151,7 @@ def mixed_up(inputs: Tensor, labels: Tensor, others: Tensor, share: float) -> tu
     """Inputs and labels of which the rest of a share is that of others (mixup; Zhang et al. 2018, equation 1).
 
     Args:
-        inputs: Shape (B, 4, size, size).
+        inputs: Channels-last, or they are copied. Shape (B, C, side, side).
         labels: Shape (B,).
         others: Whose each is mixed with. Shape (B,).
         share: In [0, 1].
@@ -165,11 +159,14 @@ def mixed_up(inputs: Tensor, labels: Tensor, others: Tensor, share: float) -> tu
     Returns:
         Shapes as they were.
     """
-    return inputs[others].lerp_(inputs, share), torch.lerp(labels[others], labels, share)
+    # As rows of one length: so they are copied in half the time.
+    flat = inputs.permute(0, 2, 3, 1).flatten(1)
+    mixed = flat.index_select(0, others).lerp_(flat, share).view(len(inputs), *inputs.shape[2:], -1)
+    return mixed.permute(0, 3, 1, 2), torch.lerp(labels[others], labels, share)
 
 
 class _RunningMean:
-    """A network with the exponential running mean of another's weights and statistics.
+    """A network with the exponential running mean of another's weights and statistics, which stay where they are.
 
     The first steps count less, as those of a network that knows nothing yet: after n steps the factor for the past is
     at most (n + 1) / (n + 10).
@@ -178,13 +175,13 @@ class _RunningMean:
     def __init__(self, network: GraspQualityNetwork, factor: float) -> None:
         self.network = copy.deepcopy(network).eval().requires_grad_(False)
         self._factor = factor
-        self._into = _floats(self.network)
+        self._of, self._into = _floats(network), _floats(self.network)
 
     @torch.no_grad()
-    def update(self, network: GraspQualityNetwork, steps: int) -> None:
-        """Count the weights that ``network`` has now, after so many steps that were counted before."""
+    def update(self, steps: int) -> None:
+        """Count the weights that there are now, after so many steps that were counted before."""
         factor = min(self._factor, (steps + 1) / (steps + 10))
-        torch._foreach_lerp_(self._into, _floats(network), 1 - factor)
+        torch._foreach_lerp_(self._into, self._of, 1 - factor)
 
 
 def _floats(network: nn.Module) -> list[Tensor]:

@@ -12,6 +12,7 @@ from torch import Tensor
 from handsight.datasets.inputs.augmentation import FLIPS, flipped
 from handsight.datasets.inputs.mixture import InputRows
 from handsight.servoing.scores import check_scores
+from handsight.training.folded import folded
 from handsight.training.gqn import GraspQualityNetwork
 
 SCORE_BATCH = 512
@@ -23,18 +24,18 @@ def predict(network: GraspQualityNetwork, inputs: InputRows, rows: Tensor) -> ND
     Raises:
         ScoreError: A score is not in [0, 1].
     """
-    network.eval()
-    return _scores(lambda batch: torch.sigmoid(network(batch.to(network.device))), inputs, rows)
+    judge = folded(network)
+    return _scores(lambda batch: torch.sigmoid(judge.logits(batch.to(network.device))), inputs, rows)
 
 
 def predict_with_flips(network: GraspQualityNetwork, inputs: InputRows, rows: Tensor) -> NDArray[np.float32]:
     """As :func:`predict`, with test-time augmentation: the mean over the four flips of each input."""
-    network.eval()
+    judge = folded(network)
 
     def mean_over_flips(batch: Tensor) -> Tensor:
         batch = batch.to(network.device)
         which = torch.arange(FLIPS, device=network.device)[:, None].expand(-1, len(batch))
-        flips = [torch.sigmoid(network(flipped(batch, one))) for one in which]
+        flips = [torch.sigmoid(judge.logits(flipped(batch, one))) for one in which]
         return torch.stack(flips).mean(dim=0)
 
     return _scores(mean_over_flips, inputs, rows)

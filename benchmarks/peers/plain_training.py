@@ -1,4 +1,7 @@
-"""A pass of training in which every part of augmentation is a step of its own, in float32: what handsight once did."""
+"""A pass of training in which every part of augmentation is a step of its own, in float32: what handsight once did.
+
+Of the whole pictures, what no score depends on included, and with memory that is given back to the system.
+"""
 
 from __future__ import annotations
 
@@ -41,11 +44,17 @@ class PlainTraining:
         """See every attempt in all four flips."""
         for inputs, labels in self._loader:
             with torch.autocast("cpu", self._dtype, enabled=self._dtype != torch.float32):
-                logits = self._network(self._varied(inputs.float()))
+                logits = self._logits(self._varied(inputs.float()))
             loss = functional.binary_cross_entropy_with_logits(logits.float(), labels)
             self._optimiser.zero_grad(set_to_none=True)
             loss.backward()
             self._optimiser.step()
+
+    def _logits(self, inputs: Tensor) -> Tensor:
+        """(B, 4, size, size) -> (B,)."""
+        normalised = (inputs - self._network.get_buffer("shift")) / self._network.get_buffer("scale")
+        logits: Tensor = self._network.head(self._network.features(normalised))
+        return logits[:, 0]
 
     def _varied(self, inputs: Tensor) -> Tensor:
         """(B, 4, size, size) -> the same shape."""

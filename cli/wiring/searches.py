@@ -11,6 +11,7 @@ from handsight.cli.output import bold, console, progress_bar
 from handsight.cli.tables import Column, print_table
 from handsight.cli.wiring.sweeps import duration_text, opened
 from handsight.datasets.errors import counted
+from handsight.jobs.engine import Engine
 from handsight.training.intervals import MeanOverTrials
 from handsight.training.search.plan import SPACE, SearchPlan, settle_search
 from handsight.training.search.run import ProposalTask, loss_of, run_search
@@ -24,7 +25,7 @@ from handsight.training.search.table import (
     row_json,
     write_search,
 )
-from handsight.training.sweep.estimate import Estimate, estimate, measured_speed
+from handsight.training.sweep.estimate import Estimate, estimate, measured_speeds
 from handsight.training.sweep.prepare import plan_sweep
 from handsight.training.sweep.result import CellResult
 
@@ -46,13 +47,13 @@ def estimated(plan: SearchPlan, out: Path, proposals: int, workers: int) -> Esti
     cells = list(plan.sweep.cells())
     begun = [row for row in rows if row.state in ("running", "left")]
     left = [cell for row in begun for cell in cells[row.trials :]] + cells * max(0, proposals - len(rows))
-    speed = measured_speed(opened(plan.sweep))
-    return estimate(plan.sweep, left, {}, workers=workers, samples_per_s=speed)
+    speeds = measured_speeds(plan.sweep, opened(plan.sweep).data, workers)
+    return estimate(plan.sweep, left, {}, workers=workers, speeds=speeds)
 
 
-def run(plan: SearchPlan, out: Path, *, proposals: int, workers: int) -> list[ProposalRow]:
+def run(plan: SearchPlan, out: Path, *, proposals: int, workers: int, engine: Engine) -> list[ProposalRow]:
     """Judge proposals behind a progress bar, and write what was found; returns all proposals, the best first."""
-    opened(plan.sweep)  # inputs are made once, here, and not by every worker
+    data = opened(plan.sweep).data  # inputs are made once, here, and not by every worker
     trials = plan.sweep.trials
     with progress_bar("trials", proposals * trials) as bar:
         # Trials of proposals that are over count as done, whether they were trained or not.
@@ -63,7 +64,7 @@ def run(plan: SearchPlan, out: Path, *, proposals: int, workers: int) -> list[Pr
             said = "failed" if result is None else f"{loss_of(result):.3f}"
             bar.advance(f"proposal {task.proposal}, trial {task.cell.trial}: {said}")
 
-        run_search(plan, out, proposals=proposals, workers=workers, on_cell=show)
+        run_search(plan, out, proposals=proposals, workers=workers, engine=engine, data=data, on_cell=show)
     rows = proposal_rows(plan, out)
     write_search(plan, out, rows)
     return rows

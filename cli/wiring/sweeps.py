@@ -18,7 +18,7 @@ from handsight.datasets.errors import counted
 from handsight.jobs.engine import Engine
 from handsight.training.intervals import MeanOverTrials
 from handsight.training.sweep.cell import Cell
-from handsight.training.sweep.estimate import Estimate, estimate, measured_speed
+from handsight.training.sweep.estimate import Estimate, estimate, measured_speeds
 from handsight.training.sweep.folder import SweepFolder
 from handsight.training.sweep.plan import SweepPlan
 from handsight.training.sweep.prepare import plan_sweep, settle
@@ -56,8 +56,8 @@ def estimated(plan: SweepPlan, folder: SweepFolder, chosen: Callable[[Cell], boo
     cells = [cell for cell in plan.cells() if chosen(cell)]
     done = folder.results(cells)
     left = [cell for cell in cells if cell not in done]
-    speed = None if done else measured_speed(opened(plan))
-    return estimate(plan, left, done, workers=workers, samples_per_s=speed)
+    speeds = None if done else measured_speeds(plan, opened(plan).data, workers)
+    return estimate(plan, left, done, workers=workers, speeds=speeds)
 
 
 def run(
@@ -76,7 +76,7 @@ def run(
         for cell in filter(chosen, plan.cells()):
             if folder.state(cell) == "failed":
                 folder.forget_failure(cell, restart=restart_failed)
-    opened(plan)  # inputs are made once, here, and not by every worker
+    data = opened(plan).data  # inputs are made once, here, and not by every worker
     cells = [cell for cell in plan.cells() if chosen(cell)]
     ended = sum(folder.state(cell) in ("done", "failed") for cell in cells)
     with progress_bar("cells", len(cells)) as bar:
@@ -86,7 +86,7 @@ def run(
             accuracy = None if result is None else result.tested.accuracy
             bar.advance(f"{cell.name} failed" if accuracy is None else f"{cell.name} {accuracy:.3f}")
 
-        return run_sweep(plan, folder, workers=workers, engine=engine, chosen=chosen, on_cell=show)
+        return run_sweep(plan, folder, workers=workers, engine=engine, data=data, chosen=chosen, on_cell=show)
 
 
 def write_tables(plan: SweepPlan, out: Path) -> dict[str, Any]:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from handsight.datasets.atomic import atomic_file
+from handsight.datasets.errors import CorruptDataError, counted
 
 _DIGEST_BYTES = hashlib.sha256().digest_size
 _BLOCK_BYTES = 1 << 20
@@ -55,6 +56,29 @@ def open_cache(path: Path, *, holds: str, shape: tuple[int, ...], dtype: DTypeLi
         return None
     array: NDArray[Any] = np.load(path, mmap_mode="r")
     return array if (array.shape, array.dtype) == (shape, np.dtype(dtype)) else None
+
+
+def mapped_again(path: Path, *, shape: tuple[int, ...], dtype: DTypeLike) -> NDArray[Any]:
+    """An array that another process has opened by :func:`open_cache`: its bytes were checked there.
+
+    Raises:
+        CorruptDataError: The file does not hold what it held.
+        OSError: It cannot be read.
+    """
+    remedy = "delete it, so that it is made again"
+    try:
+        mapped: NDArray[Any] = np.load(path, mmap_mode="r")
+    except ValueError as error:
+        raise CorruptDataError(f"{path} is no array of inputs ({error}): {remedy}") from error
+    if mapped.shape[1:] != shape[1:] or mapped.dtype != np.dtype(dtype):
+        found = f"{mapped.dtype} of shape {mapped.shape}"
+        raise CorruptDataError(f"{path} holds {found}, expected {np.dtype(dtype)} of shape {shape}: {remedy}")
+    if len(mapped) != shape[0]:
+        raise CorruptDataError(
+            f"{path} holds {counted(len(mapped), 'input')}, expected {shape[0]}: pickle a dataset that was made from "
+            "all inputs of a version, and choose rows with a sampler"
+        )
+    return mapped
 
 
 def _digest(path: Path, holds: str, array_bytes: int) -> bytes:

@@ -17,6 +17,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -27,7 +28,7 @@ from handsight.datasets.errors import NoTrainingDataError, StorageError
 from handsight.datasets.format.decisions import trainable
 from handsight.datasets.format.schema import Viewpoint, parse_attempt_id
 from handsight.datasets.format.stored_values import impossible
-from handsight.datasets.inputs.cache import open_cache, write_cache
+from handsight.datasets.inputs.cache import mapped_again, open_cache, write_cache
 from handsight.datasets.inputs.viewpoint import DEFAULT_VIEWPOINT
 from handsight.datasets.reading.reader import GraspDataset
 from handsight.datasets.records import RgbdFrame, StationSpec
@@ -63,6 +64,16 @@ class GraspInputs:
     def labels(self) -> NDArray[np.float32]:
         """1 where the grasp succeeded. Shape (N,)."""
         return self.attempts["success"].to_numpy(dtype=np.float32)
+
+    def __reduce__(self) -> tuple[Callable[..., GraspInputs], tuple[Any, ...]]:
+        """Pickled as the name of the file that the inputs are mapped from, not as its content, where there is one."""
+        return _unpickled, (self.file or self.inputs, self.inputs.shape, self.attempts)
+
+
+def _unpickled(inputs: Path | NDArray[np.float16], shape: tuple[int, ...], attempts: pd.DataFrame) -> GraspInputs:
+    if isinstance(inputs, Path):
+        inputs = mapped_again(inputs, shape=shape, dtype=np.float16)
+    return GraspInputs(inputs=inputs, attempts=attempts)
 
 
 def materialize(

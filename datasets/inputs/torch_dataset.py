@@ -7,7 +7,6 @@ fork and by spawn alike.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,8 +15,8 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.utils.data import Dataset
 
-from handsight.datasets.errors import CorruptDataError, counted
 from handsight.datasets.inputs.augmentation import FLIPS, flipped
+from handsight.datasets.inputs.cache import mapped_again
 from handsight.datasets.inputs.mixture import InputRows, LabelledInputs
 
 Batch = tuple[Tensor, Tensor]
@@ -59,24 +58,10 @@ class TorchGrasps(Dataset[Batch]):
             CorruptDataError: It does not hold what it held, or another number of inputs than there are labels.
         """
         self._labels, self._file = state["labels"], state["file"]
-        self._inputs = state["inputs"] if self._file is None else _mapped(self._file, state["shape"])
-
-
-def _mapped(file: Path, shape: tuple[int, ...]) -> NDArray[np.float16]:
-    remedy = "delete it, so that it is made again"
-    try:
-        mapped: NDArray[np.float16] = np.load(file, mmap_mode="r")
-    except ValueError as error:
-        raise CorruptDataError(f"{file} is no array of inputs ({error}): {remedy}") from error
-    if mapped.shape[1:] != shape[1:] or mapped.dtype != np.dtype(np.float16):
-        found = f"{mapped.dtype} of shape {mapped.shape}"
-        raise CorruptDataError(f"{file} holds {found}, expected float16 of shape {shape}: {remedy}")
-    if len(mapped) != shape[0]:
-        raise CorruptDataError(
-            f"{file} holds {counted(len(mapped), 'input')}, expected {shape[0]}: pickle a dataset that was made from "
-            "all inputs of a version, and choose rows with a sampler"
-        )
-    return mapped
+        if self._file is None:
+            self._inputs = state["inputs"]
+        else:
+            self._inputs = mapped_again(self._file, shape=state["shape"], dtype=np.float16)
 
 
 class FlippedGrasps(TorchGrasps):

@@ -15,6 +15,7 @@ from tests.support.swept import make_swept
 from handsight.cli.ablate import sizes_of, varied_of
 from handsight.cli.app import run
 from handsight.cli.errors import CommandError
+from handsight.datasets import GraspRepository
 from handsight.training.sweep.folder import FAILURE
 
 QUICK = ("--sizes", "12,20", "--trials", "2", "--held-out", "0.34", "--epochs", "1", "--workers", "1")
@@ -159,6 +160,24 @@ def test_bad_input_is_refused_before_anything_is_trained(
     out = tmp_path / "out"
     assert said in refusal(["ablate", grasps, "--trials", "2", "--held-out", "0.34", *words, "--out", str(out)], capsys)
     assert not out.exists()
+
+
+def test_a_release_that_was_removed_is_named_and_what_is_done_stays(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    repository = GraspRepository.open(make_swept(tmp_path / "grasps"))
+    repository.release("v1", message="to sweep over")
+    out = tmp_path / "out"
+    words = ["ablate", f"{repository.path}@v1", "--channels", "depth", *QUICK, "--out", str(out)]
+    assert run([*words, "--only", "depth:12:0"]) == 0
+    repository.icechunk_repository.delete_tag("v1")
+    before = {path: path.read_bytes() for path in out.rglob("*") if path.is_file()}
+    said = refusal(words, capsys)
+    assert len(said.splitlines()) == 1
+    assert "v1" in said
+    assert {path: path.read_bytes() for path in out.rglob("*") if path.is_file()} == before
+    assert printed(["ablate", "status", str(out)], capsys)["rows"][-1]["done"] == 1
+    assert run(["ablate", "plot", str(out)]) == 0
 
 
 def test_a_folder_with_other_things_is_refused(grasps: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

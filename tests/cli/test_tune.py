@@ -70,6 +70,31 @@ def test_a_trial_says_what_would_be_done(
     assert {path: path.read_bytes() for path in tuned.rglob("*") if path.is_file()} == before
 
 
+def test_what_was_found_is_trained_by(
+    grasps: str, tuned: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    best = json.loads((tuned / "best.json").read_text())["settings"]
+    words = ["train", grasps, "--out", str(tmp_path / "run"), "--recipe", str(tuned / "best.json")]
+    assert run([*words, "--lr", "0.002", "--batch", "200"]) == 2
+    assert "--batch, --lr is given beside --recipe" in capsys.readouterr().err
+    assert run([*words[:-1], str(tmp_path / "none.json")]) == 2
+    assert "none.json, expected a file: best.json" in capsys.readouterr().err
+    assert not (tmp_path / "run").exists()
+    assert run([*words, "--seed", "5"]) == 0
+    settings = json.loads((tmp_path / "run" / "run.json").read_text())["settings"]
+    assert settings == {**best, "balance": False, "seed": 5}
+
+
+@pytest.mark.parametrize("command", ["tune", "ablate"])
+def test_a_bucket_is_no_folder_of_a_sweep(
+    grasps: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], command: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert run([command, grasps, "--out", "s3://lab/out"]) == 2
+    assert "--out is s3://lab/out, expected a folder" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [

@@ -50,7 +50,7 @@ def test_a_network_in_training_is_folded_as_in_inference_and_left_in_training() 
 def test_pixels_beyond_the_reach_change_nothing_and_the_last_within_does(config: GqnConfig) -> None:
     network = folded(trained_looking(config))
     inputs = torch.rand(1, 4, config.size_px, config.size_px, generator=torch.Generator().manual_seed(2))
-    for changed_px, equal in ((network.reach_px, True), (network.reach_px - 1, False)):
+    for changed_px, equal in ((config.reach_px, True), (config.reach_px - 1, False)):
         other = inputs.clone()
         other[..., changed_px:] = 3.0
         assert torch.equal(network.logits(other), network.logits(inputs)) == (equal or changed_px == config.size_px)

@@ -95,3 +95,19 @@ def test_what_a_network_keeps_is_known_before_it_is_built(config: GqnConfig) -> 
     network = GraspQualityNetwork(config)
     assert {name: tuple(tensor.shape) for name, tensor in network.state_dict().items()} == config.shapes
     assert config.parameters == sum(parameter.numel() for parameter in network.parameters())
+
+
+@pytest.mark.parametrize("config", [GqnConfig(channels="rgb"), GqnConfig(channels="depth", padded=True)], ids=str)
+def test_inputs_in_the_networks_form_have_the_same_logits(config: GqnConfig) -> None:
+    """With what is beyond the reach left out, which no score depends on."""
+    torch.manual_seed(0)
+    network = GraspQualityNetwork(config).eval()
+    inputs = torch.rand(3, 4, 64, 64)
+    form = network.form()
+    side = form.size_px
+    shift, scale = (torch.tensor(values)[:, None, None] for values in (form.shift, form.scale))
+    formed = (inputs[:, form.channels, :side, :side] - shift) / scale
+    assert side == (64 if config.padded else 49)
+    torch.testing.assert_close(network.logits_of(formed), network(inputs))
+    whole = network.head(network.features((inputs[:, form.channels] - shift) / scale))[:, 0]
+    torch.testing.assert_close(network(inputs), whole)

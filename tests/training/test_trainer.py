@@ -9,7 +9,7 @@ import pytest
 import torch
 from tests.support.drawn import SMALL, drawn_inputs
 
-from handsight.datasets.inputs.augmentation import Jitter
+from handsight.datasets.inputs.augmentation import AS_RECORDED, InputForm, Jitter
 from handsight.datasets.inputs.materialize import GraspInputs
 from handsight.datasets.inputs.mixture import mixed
 from handsight.servoing.errors import ScoreError
@@ -57,13 +57,13 @@ def test_scores_with_flips_are_the_mean_over_the_flips_of_each_input() -> None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Watched(Jitter):
-    """Varies nothing and keeps every batch it is given."""
+    """Keeps every batch it is given."""
 
     batches: list[torch.Tensor] = field(default_factory=list)
 
-    def __call__(self, inputs: torch.Tensor, generator: torch.Generator) -> torch.Tensor:
+    def __call__(self, inputs: torch.Tensor, generator: torch.Generator, form: InputForm = AS_RECORDED) -> torch.Tensor:
         self.batches.append(inputs)
-        return inputs.float()
+        return Jitter.__call__(self, inputs, generator, form)
 
 
 def passes_of(data: GraspInputs, settings: TrainSettings) -> list[list[bytes]]:

@@ -17,12 +17,13 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 from handsight import __version__
 from handsight.datasets.held import HeldFile
+from handsight.datasets.inputs.materialize import GraspInputs
 from handsight.jobs.engine import LOCAL, Engine
 from handsight.jobs.unordered import map_unordered
 from handsight.training.search.plan import SearchPlan, recipe_at
@@ -42,7 +43,8 @@ class ProposalTask:
     proposal: int
     recipe: TrainSettings
     cell: Cell
-    checkpoint: Path
+    checkpoint: Path | None
+    """None where the workers cannot see the folder of the search."""
 
     def __str__(self) -> str:
         return f"{self.proposal}, {self.cell.name}"
@@ -76,6 +78,7 @@ def run_search(
     proposals: int,
     workers: int,
     engine: Engine = LOCAL,
+    data: Sequence[GraspInputs] | None = None,
     on_cell: Callable[[ProposalTask, CellResult | None], None] | None = None,
 ) -> None:
     """Judge proposals until there are so many, other than those in the hands of other processes.
@@ -88,7 +91,8 @@ def run_search(
         folder: Of the search.
         proposals: How many there are to be in all, those of other calls included.
         workers: Number of processes.
-        engine: Where they run; workers see the folder.
+        engine: Where they run; those of this machine keep checkpoints in the folder.
+        data: As :func:`~handsight.training.sweep.run.run_sweep` has it.
         on_cell: Called with each trial of a proposal and its result, or None where it failed.
 
     Raises:
@@ -97,10 +101,11 @@ def run_search(
         OSError: The disk is full or not writable.
         WorkerDiedError: Workers cannot be started.
     """
-    judges = _Judges(plan, folder, SearchStudy(folder, plan), proposals)
-    outcomes = map_unordered(
-        SweepContextFactory(plan.sweep), train_proposal, judges.tasks(), workers=workers, engine=engine, noun="proposal"
-    )
+    # Workers elsewhere may not see the folder: what they have of a cell is lost with them.
+    keeps = engine is LOCAL
+    judges = _Judges(plan, folder, SearchStudy(folder, plan), proposals, keeps=keeps)
+    opener = SweepContextFactory(plan.sweep, tuple(data) if data and keeps else None)
+    outcomes = map_unordered(opener, train_proposal, judges.tasks(), workers=workers, engine=engine, noun="proposal")
     try:
         for task, outcome in outcomes:
             judged = judges.active[task.proposal]
@@ -118,7 +123,8 @@ def run_search(
 class _Judges:
     """Hands out trials of proposals, and takes what became of them."""
 
-    def __init__(self, plan: SearchPlan, folder: Path, study: SearchStudy, most: int) -> None:
+    def __init__(self, plan: SearchPlan, folder: Path, study: SearchStudy, most: int, *, keeps: bool) -> None:
+        self._keeps = keeps
         self._plan, self._folder, self._study, self._most = plan, folder, study, most
         self._cells = list(plan.sweep.cells())
         self.active: dict[int, _Judged] = {}
@@ -136,7 +142,7 @@ class _Judges:
                 proposal=judged.proposal.number,
                 recipe=judged.recipe,
                 cell=cell,
-                checkpoint=judged.folder.checkpoint(cell).absolute(),
+                checkpoint=judged.folder.checkpoint(cell).absolute() if self._keeps else None,
             )
 
     def take(self, judged: _Judged, trial: int, result: CellResult | None) -> None:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import traceback
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Sequence
 from concurrent.futures import Future
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 
 from handsight import __version__
 from handsight.datasets.held import HeldFile
+from handsight.datasets.inputs.materialize import GraspInputs
 from handsight.datasets.machine import said_by
 from handsight.jobs.engine import LOCAL, Engine
 from handsight.jobs.unordered import map_unordered
@@ -38,6 +39,7 @@ def run_sweep(
     *,
     workers: int,
     engine: Engine = LOCAL,
+    data: Sequence[GraspInputs] | None = None,
     chosen: Callable[[Cell], bool] = lambda _: True,
     on_cell: Callable[[Cell, CellResult | None], None] | None = None,
 ) -> SweepReport:
@@ -51,6 +53,7 @@ def run_sweep(
         folder: Where cells are kept.
         workers: Number of processes.
         engine: Where they run.
+        data: Inputs of the plan's datasets, if they are open; processes of this machine then do not open them again.
         chosen: Which cells to train; all of them, unless told otherwise.
         on_cell: Called with each cell and its result, or None where it failed.
 
@@ -72,9 +75,8 @@ def run_sweep(
                 folder.write_config(cell, {"settings": asdict(recipe), "handsight": __version__})
                 yield CellTask(cell=cell, checkpoint=folder.checkpoint(cell).absolute() if keeps else None)
 
-    outcomes = map_unordered(
-        SweepContextFactory(plan), train_cell, claimed(), workers=workers, engine=engine, noun="cell"
-    )
+    opener = SweepContextFactory(plan, tuple(data) if data and keeps else None)
+    outcomes = map_unordered(opener, train_cell, claimed(), workers=workers, engine=engine, noun="cell")
     try:
         for task, outcome in outcomes:
             with naming(task.cell):

@@ -45,12 +45,15 @@ class SweepContextFactory:
     """Opens the data of a plan in a worker; it is pickled to get there."""
 
     plan: SweepPlan
+    data: tuple[GraspInputs, ...] | None = None
+    """What whoever asks has open, for workers that see its files: a worker then maps them and opens no dataset."""
 
     def __call__(self) -> SweepContext:
         """Open the data; inputs that are not there yet are made."""
         # One thread for each cell: two cells at once are faster than one after the other on two threads.
         torch.set_num_threads(1)
-        return SweepContext(self.plan, [materialized(dataset, self.plan) for dataset in self.plan.datasets])
+        data = self.data or [materialized(dataset, self.plan) for dataset in self.plan.datasets]
+        return SweepContext(self.plan, data)
 
 
 class SweepContext:

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import torch
 
-from handsight.datasets.inputs.augmentation import FLIPS, Jitter, flipped
+from handsight.datasets.inputs.augmentation import FLIPS, InputForm, Jitter, flipped
 
 _STILL = Jitter(brightness=0, colour_noise=0, height_noise_m=0, turn_rad=0, shift=0, flips=False)
 
@@ -79,3 +79,20 @@ def test_noise_has_the_strength_of_its_channel() -> None:
     torch.testing.assert_close(sigma, torch.tensor([0.02, 0.02, 0.02, 0.001]), rtol=0.02, atol=0)
     again = replace(_STILL, colour_noise=0.02)(inputs, torch.Generator().manual_seed(2))
     assert not torch.equal(noisy[:, 0], again[:, 0])
+
+
+def test_a_form_is_what_the_varied_inputs_would_be_brought_to_afterwards() -> None:
+    inputs = torch.rand(20, 4, 12, 12, generator=torch.Generator().manual_seed(0)).half()
+    form = InputForm(size_px=9, first=1, shift=(0.5, 0.2, 0.0), scale=(0.25, 0.5, 0.03))
+    jitter = Jitter(colour_noise=0, height_noise_m=0)
+    as_recorded = jitter(inputs, torch.Generator().manual_seed(1))
+    expected = (as_recorded[:, 1:, :9, :9] - torch.tensor(form.shift)[:, None, None]) / torch.tensor(form.scale)[
+        :, None, None
+    ]
+    formed = jitter(inputs, torch.Generator().manual_seed(1), form)
+    torch.testing.assert_close(formed, expected)
+    assert formed.is_contiguous(memory_format=torch.channels_last)
+    rounded = jitter(inputs, torch.Generator().manual_seed(1), replace(form, dtype=torch.bfloat16))
+    assert torch.equal(rounded, formed.bfloat16())
+    noisy = Jitter(colour_noise=0.1)(inputs, torch.Generator().manual_seed(1), form) - formed
+    assert noisy[:, 0].std() > noisy[:, 1].std() > 0  # the same noise in colours of other scales

@@ -145,6 +145,18 @@ def test_a_pickled_dataset_names_the_file_and_holds_no_pictures(inputs: GraspInp
     assert torch.equal(pickle.loads(pickle.dumps(TorchGrasps(in_memory)))[[3]][0], dataset[[3]][0])
 
 
+def test_pickled_inputs_name_their_file_and_hold_no_pictures(inputs: GraspInputs) -> None:
+    pickled = pickle.dumps(inputs)
+    assert inputs.inputs.tobytes()[:64] not in pickled
+    again = pickle.loads(pickled)
+    assert again.file == inputs.file
+    np.testing.assert_array_equal(again.inputs, inputs.inputs)
+    assert again.attempts.equals(inputs.attempts)
+    in_memory = pickle.loads(pickle.dumps(GraspInputs(inputs=np.array(inputs.inputs), attempts=inputs.attempts)))
+    assert in_memory.file is None
+    np.testing.assert_array_equal(in_memory.inputs, inputs.inputs)
+
+
 def test_an_epoch_has_every_row_once_and_its_own_order(inputs: GraspInputs) -> None:
     loader = GraspLoader(TorchGrasps(inputs), batch_size=8, seed=5)
     epochs = [names(loader) for _ in range(3)]

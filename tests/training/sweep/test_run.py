@@ -6,12 +6,15 @@ import errno
 import json
 from collections import Counter
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from tests.support.swept import Threads, make_swept, swept_plan
 
+from handsight.datasets.inputs.materialize import GraspInputs
 from handsight.jobs.engine import LOCAL
 from handsight.training.errors import DivergedError, SweepPlanError
 from handsight.training.sweep import run as run_module
@@ -21,7 +24,7 @@ from handsight.training.sweep.plan import SweepPlan
 from handsight.training.sweep.prepare import settle
 from handsight.training.sweep.result import CellResult
 from handsight.training.sweep.run import chosen_by, run_sweep
-from handsight.training.sweep.work import CellTask, SweepContext, train_cell
+from handsight.training.sweep.work import CellTask, SweepContext, materialized, train_cell
 
 
 @pytest.fixture(scope="module")
@@ -84,6 +87,18 @@ def test_processes_of_this_machine_find_the_same(plan: SweepPlan, whole: dict[st
     assert not list(tmp_path.rglob("*.ckpt"))
 
 
+def test_workers_of_this_machine_open_no_dataset_where_its_inputs_are_open(
+    plan: SweepPlan, whole: dict[str, Any], tmp_path: Path
+) -> None:
+    data = [materialized(dataset, plan) for dataset in plan.datasets]
+    moved = replace(plan, datasets=tuple(replace(one, address="nowhere") for one in plan.datasets))
+    folder = SweepFolder(tmp_path)
+    settle(tmp_path, moved)
+    chosen = chosen_by(["rgb:20:0"], moved)
+    assert run_sweep(moved, folder, workers=1, data=data, chosen=chosen).trained == 1
+    assert figures(folder, moved) == {"rgb-20-000": whole["rgb-20-000"]}
+
+
 def test_more_trials_leave_those_that_are_there_as_they_are(
     grasps: str, plan: SweepPlan, whole: dict[str, Any], tmp_path: Path
 ) -> None:
@@ -133,6 +148,28 @@ def test_a_cell_that_fails_stops_no_other_and_is_trained_again_when_asked(
     folder.forget_failure(cells[4], restart=True)
     assert run_sweep(plan, folder, workers=1, engine=Threads()).trained == 1
     assert figures(folder, plan) == whole
+
+
+def test_a_cell_whose_loss_is_no_number_is_named_and_the_rest_is_kept(
+    plan: SweepPlan, whole: dict[str, Any], tmp_path: Path
+) -> None:
+    """A height that is none: who reads colours alone never sees it, and a training set without it is fine."""
+    (data,) = (materialized(dataset, plan) for dataset in plan.datasets)
+    spoilt = np.array(data.inputs)
+    row = SweepContext(plan, [data]).division(0, 1).trained_on(20)[15]
+    spoilt[row, 3, 0, 0] = np.nan
+    np.save(tmp_path / "inputs.npy", spoilt)
+    mapped = GraspInputs(inputs=np.load(tmp_path / "inputs.npy", mmap_mode="r"), attempts=data.attempts)
+    folder = SweepFolder(tmp_path / "out")
+    settle(folder.path, plan)
+    chosen = chosen_by(["rgb:20:1", "depth:20:1", "depth:12:1"], plan)
+    report = run_sweep(plan, folder, workers=1, data=[mapped], chosen=chosen)
+    assert (report.trained, report.failed) == (2, 1)
+    states = {cell.name: folder.state(cell) for cell in plan.cells() if chosen(cell)}
+    assert states == {"rgb-20-001": "done", "depth-20-001": "failed", "depth-12-001": "done"}
+    (failed,) = (cell for cell in plan.cells() if cell.name == "depth-20-001")
+    assert folder.failure(failed).startswith("DivergedError: the loss is nan in epoch 1, expected a number")
+    assert figures(folder, plan)["rgb-20-001"] == whole["rgb-20-001"]
 
 
 def test_a_full_disk_ends_the_sweep_names_the_cell_and_keeps_the_rest(
