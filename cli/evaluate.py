@@ -163,7 +163,7 @@ def evaluate_command(
     if figures is not None:
         from handsight.viz.figures.evaluation import evaluation_figures
 
-        evaluation_figures(results, figures)
+        evaluation_figures(results, figures, source="sim" if rig is None else "ur10")
     if as_json:
         print_json(results)
     else:

@@ -72,7 +72,10 @@ def train_command(
     lr: Annotated[float, typer.Option("--lr", help="Learning rate.")] = DEFAULT_RATE,
     recipe: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="Train by the recipe in best.json of 'handsight tune', channels included."),
+        typer.Option(
+            metavar="FILE",
+            help="Train by the recipe of a search, its best.json, channels included; see 'handsight tune --help'.",
+        ),
     ] = None,
     device: Annotated[
         Literal["auto", "cpu", "cuda"], typer.Option(help="Where to train; auto is a GPU where there is one.")

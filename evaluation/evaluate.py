@@ -81,13 +81,20 @@ class TrialContextFactory:
             CheckpointError: The run is damaged, or another one has taken its place.
         """
         torch.set_num_threads(1)
-        run = load_run(self.run)
-        if self.weights_sha256 not in (None, run.weights_sha256):
-            raise CheckpointError(
-                f"{self.run} holds another network than when the trials began: leave a run in its place while it is "
-                "used, and begin again"
-            )
-        return TrialContext(self.open_station(), run.scorer(), None if self.watch is None else self.watch())
+        # First of all: whoever watches gets ready while the rest is opened.
+        watcher = None if self.watch is None else self.watch()
+        try:
+            run = load_run(self.run)
+            if self.weights_sha256 not in (None, run.weights_sha256):
+                raise CheckpointError(
+                    f"{self.run} holds another network than when the trials began: leave a run in its place while it "
+                    "is used, and begin again"
+                )
+            return TrialContext(self.open_station(), run.scorer(), watcher)
+        except BaseException:
+            if watcher is not None:
+                watcher.close()
+            raise
 
 
 def evaluate(

@@ -35,10 +35,24 @@ class CalibrateGroup(LazyGroup):
             ("handsight rig calibrate gripper --rig rig.toml",),
             kept="the calibration before",
         ),
+        LazyCommand(
+            "payload",
+            "rig.calibrate:payload_command",
+            "What hangs on the flange, by weighing it.",
+            ("handsight rig calibrate payload --rig rig.toml",),
+            kept="the calibration before",
+        ),
+        LazyCommand(
+            "reach",
+            "rig.calibrate:reach_command",
+            "Which part of the workspace is reached.",
+            ("handsight rig calibrate reach --rig rig.toml",),
+            kept="the calibration before",
+        ),
     )
 
 
-calibrate_app = lazy_app(CalibrateGroup, help="Measure camera, table and jaws of the rig.")
+calibrate_app = lazy_app(CalibrateGroup, help="Measure camera, table, jaws, payload and reach of the rig.")
 
 
 def camera_command(rig: RigFile, as_json: Json = False) -> None:
@@ -60,6 +74,22 @@ def table_command(rig: RigFile, as_json: Json = False) -> None:
 def gripper_command(rig: RigFile, as_json: Json = False) -> None:
     """Open and close the empty jaws three times, and keep what they read. Take everything out of them first."""
     _calibrate(rig, "gripper", as_json=as_json)
+
+
+def payload_command(rig: RigFile, as_json: Json = False) -> None:
+    """Hold the empty tool still at seven tilts, and weigh what hangs on the flange: mass and centre of mass.
+
+    Of an e-Series arm, which has a sensor; what a CB3 carries goes onto a scale and into rig.toml.
+    """
+    _calibrate(rig, "payload", as_json=as_json)
+
+
+def reach_command(rig: RigFile, as_json: Json = False) -> None:
+    """Ask arm and controller, cell by cell of 20 mm, which part of the workspace they allow. Nothing moves.
+
+    Grasps are then drawn uniformly from that part.
+    """
+    _calibrate(rig, "reach", as_json=as_json)
 
 
 def _calibrate(rig: Path, part: str, *, as_json: bool) -> None:

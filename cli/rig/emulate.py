@@ -16,6 +16,13 @@ def emulate_command(
     rig: RigFile,
     objects: Objects = TRAINING_OBJECTS,
     per_scene: PerScene = None,
+    empty: Annotated[
+        bool, typer.Option("--empty", help="Nothing lies on the table: for calibrating table and jaws.")
+    ] = False,
+    board: Annotated[
+        bool,
+        typer.Option("--board", help="The calibration board of the rig's file lies in the middle of the workspace."),
+    ] = False,
     speed: Annotated[
         float,
         typer.Option(
@@ -56,6 +63,8 @@ def emulate_command(
         rig,
         objects=objects,
         per_scene=per_scene,
+        empty=empty,
+        board=board,
         speed=speed,
         seed=seed,
         faults=fault or (),

@@ -13,7 +13,7 @@ from handsight.cli.errors import CommandError
 from handsight.cli.opening import check_out_file, checked_address, open_version
 from handsight.cli.options import MOST_ATTEMPTS, Author, Dataset, Filter, Ids, Json, Where
 from handsight.cli.output import bold, console, print_json
-from handsight.cli.view.showing import Port, Web
+from handsight.cli.view.showing import Notebook, Port, Web
 from handsight.datasets.errors import counted
 from handsight.training.run_folder import check_finished_run
 
@@ -41,6 +41,7 @@ def dataset_command(
     ] = 0,
     model: DrawnModel = None,
     web: Web = False,
+    notebook: Notebook = False,
     port: Port = 0,
     picture: Annotated[
         Path | None,
@@ -62,8 +63,8 @@ def dataset_command(
     """
     checked_address(dataset)
     faults = choice_faults(attempts, where, filter, sort=sort, suspect=suspect, like=like)
-    if picture is not None and web:
-        faults.append("--picture and --web are given, expected one of them")
+    if len(ways := [name for name, given in _ways(picture, web=web, notebook=notebook).items() if given]) > 1:
+        faults.append(f"{' and '.join(ways)} are given, expected one of them")
     if faults:
         raise CommandError("; ".join(faults))
     check_likeness(like, model)
@@ -71,7 +72,7 @@ def dataset_command(
         check_finished_run(model)
     if picture is not None:
         check_out_file(picture, ".png")
-    elif not web:
+    elif not (web or notebook):
         from handsight.viz.browser.display import check_display
 
         check_display()
@@ -96,7 +97,14 @@ def dataset_command(
         if picture is not None:
             _draw(picture, browser, opened, len(chosen.ids), as_json=as_json)
         else:
-            _serve(browser, opened, len(chosen.ids), web=web, port=port, as_json=as_json)
+            _serve(
+                browser, opened, len(chosen.ids), page=web or notebook, notebook=notebook, port=port, as_json=as_json
+            )
+
+
+def _ways(picture: Path | None, *, web: bool, notebook: bool) -> dict[str, bool]:
+    """The ways to look beside a window, and which of them are asked for."""
+    return {"--picture": picture is not None, "--web": web, "--notebook": notebook}
 
 
 def _draw(path: Path, browser: Browser, dataset: GraspDataset, count: int, *, as_json: bool) -> None:
@@ -118,15 +126,30 @@ def _refuse_blank(browser: Browser) -> None:
         raise CommandError(f"no attempt could be shown; of the first, {attempt}: {reason}")
 
 
-def _serve(browser: Browser, dataset: GraspDataset, count: int, *, web: bool, port: int, as_json: bool) -> None:
+def _serve(
+    browser: Browser,
+    dataset: GraspDataset,
+    count: int,
+    *,
+    page: bool,
+    notebook: bool,
+    port: int,
+    as_json: bool,
+) -> None:
     from handsight.cli.wiring.browsing import watch
+    from handsight.viz.browser.notebook import cell_lines
     from handsight.viz.browser.viewer import native_viewer, web_viewer
 
-    with web_viewer(browser.address, port=port) if web else native_viewer(browser.address) as viewer:
+    with web_viewer(browser.address, port=port) if page else native_viewer(browser.address) as viewer:
+        cell = cell_lines(viewer.page) if notebook else ""
         if as_json:
             told = {"attempts": count, "snapshot": dataset.snapshot_id, "address": browser.address, "page": viewer.page}
-            print_json({**told, "viewer_port": viewer.port})
+            print_json({**told, "viewer_port": viewer.port, **({"cell": cell} if notebook else {})})
         else:
             console.print(f"{counted(count, 'attempt')} of ", bold(dataset.repository.path), f"@{dataset.ref}")
-            console.print("open ", bold(viewer.page or browser.address), "; Ctrl-C ends it")
+            if notebook:
+                console.print("in a cell of a notebook on this machine; Ctrl-C ends it here:")
+                console.print(cell)
+            else:
+                console.print("open ", bold(viewer.page or browser.address), "; Ctrl-C ends it")
         watch(browser, viewer.process, quiet=as_json)

@@ -13,6 +13,10 @@ from handsight.cli.opening import check_out_file
 from handsight.cli.output import bold, console, print_json
 
 Web = Annotated[bool, typer.Option("--web", help="Serve a page to a web browser on this machine.")]
+Notebook = Annotated[
+    bool,
+    typer.Option("--notebook", help="As --web, and print the lines that show the page in a notebook of this machine."),
+]
 Port = Annotated[int, typer.Option("--port", min=0, max=65535, help="Port of the page with --web; 0 for any free one.")]
 Picture = Annotated[
     Path | None,

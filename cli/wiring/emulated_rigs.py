@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ipaddress
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 from handsight.cli.errors import CommandError
@@ -13,8 +13,10 @@ from handsight.collection.depth_noise import DepthNoise
 from handsight.collection.errors import CollectionError
 from handsight.collection.sim.config import D435_COLOUR_FOV_Y_RAD, D435_ON_GRIPPER, SimConfig
 from handsight.collection.sim.grippers import GRIPPERS
+from handsight.collection.ur10.emulator.board import Board
 from handsight.collection.ur10.emulator.camera import CameraSettings
 from handsight.collection.ur10.emulator.faults import Fault
+from handsight.collection.ur10.emulator.forces import Payload
 from handsight.collection.ur10.emulator.generation import GENERATIONS
 from handsight.collection.ur10.emulator.launch import Launch
 from handsight.collection.ur10.emulator.rg2 import PORT as RG2_PORT
@@ -29,6 +31,8 @@ def emulated_rig(
     *,
     objects: str,
     per_scene: int | None,
+    empty: bool,
+    board: bool,
     speed: float,
     seed: int,
     faults: Sequence[str],
@@ -45,6 +49,10 @@ def emulated_rig(
     """
     rig = load_rig(path)
     wrong = _not_emulated(rig)
+    if empty and per_scene is not None:
+        wrong.append(f"--empty and --objects-per-scene {per_scene} were both given, expected one of them")
+    if board and rig.camera.kind != "emulated":
+        wrong.append(f"--board was given and camera.kind is {rig.camera.kind!r}, expected 'emulated': nobody sees it")
     parsed = []
     for text in faults:
         try:
@@ -65,12 +73,14 @@ def emulated_rig(
         seed=seed,
         rg2=(rig.gripper.address, rig.gripper.port or RG2_PORT) if rg2 else None,
         faults_per_hour=faults_per_hour,
-        true_payload_kg=rig.robot.payload_kg,
+        true_payload=Payload(rig.robot.payload_kg, rig.robot.centre_of_mass_m),
         camera=_camera(rig, depth_noise_px, seed),
     )
     return Launch(
         rig=settings,
         world=_over(world, rig),
+        empty=empty,
+        board=_board(rig) if board else None,
         control_port=control_port,
         faults=tuple(parsed),
     )
@@ -105,6 +115,12 @@ def _is_loopback(address: str) -> bool:
 def _over(config: SimConfig, rig: RigConfig) -> SimConfig:
     """The world with its objects where the rig grasps."""
     return replace(config, workspace=rig.workspace.area)
+
+
+def _board(rig: RigConfig) -> Board:
+    """The board of the file, where ``rig calibrate camera`` looks for it."""
+    x_m, y_m = rig.workspace.centre_m
+    return Board(**asdict(rig.board), x_m=x_m, y_m=y_m)
 
 
 def _camera(rig: RigConfig, depth_noise_px: float, seed: int) -> CameraSettings | None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -19,7 +18,6 @@ if TYPE_CHECKING:
     from handsight.viz.recordings.live import LiveFactory
 
 MEMORY_LIMIT = "2GB"
-_LOG = "RUST_LOG"
 
 
 def check_live(*, live: bool, url: str | None) -> None:
@@ -90,8 +88,6 @@ def _own_viewer() -> Iterator[tuple[subprocess.Popen[bytes], str] | None]:
 
 
 def _factory(url: str) -> LiveFactory:
-    # What Rerun says of a viewer that went away we say in one line; its library asks when it is imported.
-    os.environ.setdefault(_LOG, "off")
     from handsight.collection.sim.arm_shape import Ur10Shape
     from handsight.viz.recordings.live import LiveFactory
 

@@ -39,13 +39,8 @@ def failure_blocks(run: Path, results: dict[str, Any], most: int) -> Iterator[Bl
         yield Note(text="The station was disturbed: trials are not simulated again for their pictures.")
         return
     recordings, faults = _replayed(run, results, chosen)
-    words = ["handsight", "servo", "--model", str(run), "--method", chosen[0]["method"]]
-    words += ["--trial", str(chosen[0]["number"]), "--objects", chosen[0]["objects"], "--gripper", results["gripper"]]
-    words += ["--threshold", f"{results['threshold']:g}", "--seed", str(results["seed"])]
     gallery = failed_trials(
-        recordings,
-        text="Of each method those of which the network was surest, simulated again for this page.",
-        command=shlex.join(words),
+        recordings, text="Of each method those of which the network was surest, simulated again for this page."
     )
     if gallery is not None:
         yield gallery
@@ -68,10 +63,17 @@ def _surest(trials: Sequence[dict[str, Any]], most: int) -> list[dict[str, Any]]
     ]
 
 
+def _call(run: Path, results: dict[str, Any], one: dict[str, Any]) -> str:
+    """What shows a trial step by step."""
+    words = ["handsight", "servo", "--model", str(run), "--method", one["method"]]
+    words += ["--trial", str(one["number"]), "--objects", one["objects"], "--gripper", results["gripper"]]
+    return shlex.join([*words, "--threshold", f"{results['threshold']:g}", "--seed", str(results["seed"])])
+
+
 def _replayed(
     run: Path, results: dict[str, Any], chosen: Sequence[dict[str, Any]]
-) -> tuple[list[TrialRecording], list[str]]:
-    """The trials with everything seen, and why others could not be had."""
+) -> tuple[list[tuple[TrialRecording, str]], list[str]]:
+    """The trials with everything seen and the calls that show them, and why others could not be had."""
     recordings, faults = [], []
     servo = ServoSettings(threshold=results["threshold"])
     with progress_bar("failures", len(chosen)) as bar:
@@ -96,7 +98,7 @@ def _replayed(
                         if recording is None or trial.success:
                             faults.append(f"trial {one['number']} of {one['method']} ends otherwise here than it did")
                         else:
-                            recordings.append(recording)
+                            recordings.append((recording, _call(run, results, one)))
                         bar.advance()
             finally:
                 context.close()

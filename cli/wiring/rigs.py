@@ -18,11 +18,19 @@ from handsight.collection.collector import CollectSettings
 from handsight.collection.errors import RigPausedError
 from handsight.collection.ur10.arm import Arm
 from handsight.collection.ur10.calibrating import calibrate_camera, calibrate_jaws, calibrate_table
-from handsight.collection.ur10.calibration import Calibration, load_calibration, save_calibration, with_part
+from handsight.collection.ur10.calibration import (
+    Calibration,
+    ReachCalibration,
+    load_calibration,
+    save_calibration,
+    with_part,
+)
 from handsight.collection.ur10.camera import Camera
 from handsight.collection.ur10.dashboard import Dashboard
 from handsight.collection.ur10.gripper import gripper_for
 from handsight.collection.ur10.logs import OperatorLog
+from handsight.collection.ur10.payload import calibrate_payload
+from handsight.collection.ur10.reach import calibrate_reach, cells
 from handsight.collection.ur10.recovery import Recovery
 from handsight.collection.ur10.rig import RigConfig
 from handsight.collection.ur10.rig_file import load_rig
@@ -118,7 +126,11 @@ def go_home(rig: RigConfig) -> NDArray[np.float64]:
 
 
 def calibrate(rig: RigConfig, part: str) -> Calibration:
-    """Measure ``camera``, ``table`` or ``gripper``, keep it in the rig's calibration file, and return all of it.
+    """Measure one part of a rig, keep it in the rig's calibration file, and return all of it.
+
+    Args:
+        rig: As its file has it.
+        part: ``camera``, ``table``, ``gripper``, ``payload`` or ``reach``.
 
     Raises:
         RigSettingsError: What was measured disagrees with itself.
@@ -131,11 +143,15 @@ def calibrate(rig: RigConfig, part: str) -> Calibration:
         if part == "gripper":
             gripper.connect()
             calibration = with_part(calibration, jaws=calibrate_jaws(gripper, rig))
+        elif part == "reach":
+            calibration = with_part(calibration, reach=_reach(rig))
         else:
             go_home(rig)
             with closing(Arm(rig, table_height_m=rig.workspace.table_height_m)) as arm:
                 arm.take_control()
-                if part == "table":
+                if part == "payload":
+                    calibration = with_part(calibration, payload=calibrate_payload(arm))
+                elif part == "table":
                     gripper.connect()
                     calibration = with_part(calibration, table=calibrate_table(arm, gripper))
                 else:
@@ -147,6 +163,13 @@ def calibrate(rig: RigConfig, part: str) -> Calibration:
     save_calibration(rig.calibration, calibration)
     OperatorLog(rig.operator_log).note("calibrated", part=part, id=calibration.id)
     return calibration
+
+
+def _reach(rig: RigConfig) -> ReachCalibration:
+    with closing(Arm(rig, table_height_m=rig.workspace.table_height_m)) as arm:
+        arm.take_control()
+        with progress_bar("reach", cells(rig.workspace)) as bar:
+            return calibrate_reach(arm, on_cell=bar.advance)
 
 
 def _serial(rig: RigConfig) -> str:

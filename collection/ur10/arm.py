@@ -18,6 +18,8 @@ OPEN_S = 20.0
 ANSWER_S = 5.0
 MOVE_S = 60.0
 """Wall time that a move may take beyond what its length asks for: an emulator may be slower than the clock."""
+SILENCE_S = 8.0
+"""A move in which nothing was read for so long hangs in the library, as it does when a connection is lost."""
 HALF_TURN_RAD = math.radians(170.0)
 
 
@@ -79,6 +81,7 @@ class Arm:
                 speed_m_s,
                 acceleration_m_s2 or motion.acceleration_m_s2,
                 timeout_s=self._patience_s(here, waypoint, speed_m_s),
+                silence_s=SILENCE_S,
             )
         return self.pose_of(state)
 
@@ -102,7 +105,10 @@ class Arm:
         vector[2] = height_m + self.table_height_m
         timeout_s = MOVE_S + 4.0 * (height_m - float(pose[2, 3])) / speed_m_s
         speed_m_s = min(speed_m_s, self.rig.motion.speed_m_s)
-        state = self.child.ask("move_line", vector, speed_m_s, self.rig.motion.acceleration_m_s2, timeout_s=timeout_s)
+        acceleration_m_s2 = self.rig.motion.acceleration_m_s2
+        state = self.child.ask(
+            "move_line", vector, speed_m_s, acceleration_m_s2, timeout_s=timeout_s, silence_s=SILENCE_S
+        )
         return self.pose_of(state)
 
     def descend(self, pose_base_tool: NDArray[np.float64]) -> Touch:
@@ -125,6 +131,7 @@ class Arm:
             motion.baseline_s,
             motion.stop_acceleration_m_s2,
             timeout_s=self._patience_s(here, target, motion.descend_speed_m_s),
+            silence_s=SILENCE_S,
         )
         return touch
 

@@ -53,6 +53,8 @@ class ArmState:
     speed_m_s: float
     force_n: tuple[float, float, float]
     """On the tool, in base axes."""
+    torque_nm: tuple[float, float, float]
+    """About the tool, in base axes."""
     temperatures_c: tuple[float, ...]
     runtime: int
     mode: int
@@ -100,6 +102,8 @@ class ArmClient:
         self._receive = self._tried(self._open_receive)
         self._seen = (-1.0, time.monotonic())
         self._control: Any = None
+        self.still_at_it: Callable[[], None] = lambda: None
+        """Called with every reading, so that a hanging call of the library is told from a long move."""
 
     def _open_receive(self) -> Any:
         from rtde_receive import RTDEReceiveInterface
@@ -143,13 +147,8 @@ class ArmClient:
         Raises:
             DeviceLostError: Nothing new came for ``stale_s``.
         """
+        timestamp_s = self._timestamp_s()
         r = self._receive
-        timestamp_s = float(r.getTimestamp())
-        now_s = time.monotonic()
-        if timestamp_s != self._seen[0]:
-            self._seen = (timestamp_s, now_s)
-        elif now_s - self._seen[1] > self._config.stale_s:
-            raise DeviceLostError(f"no new data for {now_s - self._seen[1]:.2f} s: the connection is gone")
         speed = r.getActualTCPSpeed()
         force = r.getActualTCPForce()
         return ArmState(
@@ -158,6 +157,7 @@ class ArmClient:
             tcp_pose=tuple(r.getActualTCPPose()),
             speed_m_s=float(np.linalg.norm(speed[:3])),
             force_n=(force[0], force[1], force[2]),
+            torque_nm=(force[3], force[4], force[5]),
             temperatures_c=tuple(r.getJointTemperatures()),
             runtime=int(r.getRuntimeState()),
             mode=int(r.getRobotMode()),
@@ -170,10 +170,19 @@ class ArmClient:
         Raises:
             DeviceLostError: Nothing new came for ``stale_s``.
         """
-        first = self.state()
-        while (now := self.state()).timestamp_s == first.timestamp_s:
+        first_s = self._timestamp_s()
+        while self._timestamp_s() == first_s:
             time.sleep(POLL_S)
-        return now
+        return self.state()
+
+    def _timestamp_s(self) -> float:
+        self.still_at_it()
+        timestamp_s, now_s = float(self._receive.getTimestamp()), time.monotonic()
+        if timestamp_s != self._seen[0]:
+            self._seen = (timestamp_s, now_s)
+        elif now_s - self._seen[1] > self._config.stale_s:
+            raise DeviceLostError(f"no new data for {now_s - self._seen[1]:.2f} s: the connection is gone")
+        return timestamp_s
 
     def inside_limits(self, pose: Sequence[float]) -> bool:
         """Whether the controller's own safety planes and joint limits allow a pose.

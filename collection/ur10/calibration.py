@@ -1,4 +1,4 @@
-"""What was measured of a rig, kept in one file: hand-eye, table plane and jaws, each with id, date and residuals.
+"""What was measured of a rig, kept in one file: hand-eye, table, jaws, payload and reach, with id, dates and residuals.
 
 Every attempt carries it, through the configuration of its session; a rig with another camera or arm than the one that
 was measured does not move.
@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields, replace
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,11 +20,40 @@ from numpy.typing import NDArray
 from handsight.collection.errors import RigSettingsError
 from handsight.collection.ur10.logs import now
 from handsight.datasets.atomic import write_text
+from handsight.datasets.errors import HeaderError
+from handsight.datasets.format.typed import listed, shown, typed
 from handsight.servoing.camera import HandCamera, Intrinsics
-from handsight.servoing.errors import CameraModelError
 
 MOST_TURN_RAD = 0.26
 """A camera that is turned further against the tool is mounted in another way than we think."""
+_REMEDY = "calibrate anew with 'rig calibrate'"
+_RANGES = {
+    "camera.depth_scale_m": (1e-6, 0.1),
+    "camera.translation_m": (-1.0, 1.0),
+    "camera.rotation_rad": (-7.0, 7.0),
+    "camera.residual_m": (0.0, 1.0),
+    "camera.residual_rad": (0.0, 7.0),
+    "camera.views": (0, 10_000),
+    "table.height_m": (-2.0, 2.0),
+    "table.tilt_rad": (0.0, 1.6),
+    "table.residual_m": (0.0, 1.0),
+    "table.points": (0, 10_000),
+    "jaws.open_count": (0, 65_535),
+    "jaws.closed_count": (0, 65_535),
+    "jaws.spread": (0, 65_535),
+    "jaws.pad_width_m": (0.0, 0.5),
+    "jaws.pad_length_m": (0.0, 0.5),
+    "payload.mass_kg": (0.0, 20.0),
+    "payload.centre_of_mass_m": (-1.0, 1.0),
+    "payload.told_kg": (0.0, 20.0),
+    "payload.residual_n": (0.0, 1000.0),
+    "payload.residual_nm": (0.0, 1000.0),
+    "payload.poses": (0, 10_000),
+    "reach.x_min_m": (-2.0, 2.0),
+    "reach.y_min_m": (-2.0, 2.0),
+    "reach.step_m": (0.001, 1.0),
+}
+"""What a rig can have; NaN is in none."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -84,17 +113,56 @@ class JawCalibration:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class PayloadCalibration:
+    """What hangs on the flange, weighed by the arm."""
+
+    date: str
+    mass_kg: float
+    centre_of_mass_m: tuple[float, float, float]
+    """In the flange frame."""
+    told_kg: float
+    """What the controller was told while it was weighed."""
+    residual_n: float
+    residual_nm: float
+    poses: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReachCalibration:
+    """Which part of the workspace arm and controller allow."""
+
+    date: str
+    x_min_m: float
+    y_min_m: float
+    step_m: float
+    rows: tuple[str, ...]
+    """One for each cell along x, a character for each along y: ``#`` is reached, ``.`` is not."""
+
+    def __post_init__(self) -> None:
+        if not self.rows or len({len(row) for row in self.rows}) != 1 or set("".join(self.rows)) - set("#."):
+            raise ValueError("the rows are of no map")
+
+    @property
+    def share(self) -> float:
+        """Of the cells that are reached."""
+        return sum(row.count("#") for row in self.rows) / sum(map(len, self.rows))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Calibration:
     """Everything that was measured so far."""
 
     camera: CameraCalibration | None = None
     table: TableCalibration | None = None
     jaws: JawCalibration | None = None
+    payload: PayloadCalibration | None = None
+    reach: ReachCalibration | None = None
 
     @property
     def id(self) -> str:
         """Of these values: twelve hexadecimal digits."""
-        return hashlib.sha256(json.dumps(asdict(self), sort_keys=True).encode()).hexdigest()[:12]
+        measured = {name: value for name, value in asdict(self).items() if value is not None}
+        return hashlib.sha256(json.dumps(measured, sort_keys=True).encode()).hexdigest()[:12]
 
     def to_json(self) -> dict[str, Any]:
         """All of it as JSON values, with its id."""
@@ -105,20 +173,37 @@ def load_calibration(path: Path) -> Calibration:
     """Read a file; one that is not there is a rig of which nothing was measured.
 
     Raises:
-        RigSettingsError: The file is damaged, or is none of ours.
+        RigSettingsError: The file is damaged, was changed by hand, or is none of ours; every fault is named.
     """
     try:
         values = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         return Calibration()
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise RigSettingsError(f"calibration {path} cannot be read: {error}") from error
+    told = values.pop("id", None) if isinstance(values, dict) else None
     try:
-        return _from_json(values)
-    except (KeyError, TypeError, ValueError, CameraModelError) as error:
-        raise RigSettingsError(
-            f"calibration {path} is damaged ({type(error).__name__}: {error}): calibrate anew with 'rig calibrate'"
-        ) from error
+        found = typed(Calibration, values)
+    except HeaderError as error:
+        raise RigSettingsError(f"calibration {path} is damaged ({error}): {_REMEDY}") from error
+    faults = list(_out_of_range(found))
+    if told is not None and told != found.id:
+        faults.append(f"id is {shown(told)}, expected {found.id} of these values, or none where you changed them")
+    if faults:
+        raise RigSettingsError(f"calibration {path} is damaged ({listed(faults)}): {_REMEDY}")
+    return found
+
+
+def _out_of_range(calibration: Calibration) -> Iterator[str]:
+    values = asdict(calibration)
+    for name, (low, high) in _RANGES.items():
+        part, field = name.split(".")
+        if values[part] is None:
+            continue
+        given = values[part][field]
+        for one in given if isinstance(given, tuple) else (given,):
+            if not low <= one <= high:
+                yield f"{name} is {shown(one)}, expected {low:g} to {high:g}"
 
 
 def save_calibration(path: Path, calibration: Calibration) -> None:
@@ -160,38 +245,3 @@ def with_part(calibration: Calibration, **part: Any) -> Calibration:
 def today() -> str:
     """The date that a measurement carries."""
     return now()
-
-
-def _from_json(values: Mapping[str, Any]) -> Calibration:
-    if not isinstance(values, Mapping):
-        raise TypeError("it holds no object")
-    camera, table, jaws = (values.get(name) for name in ("camera", "table", "jaws"))
-    return Calibration(
-        camera=None
-        if camera is None
-        else CameraCalibration(
-            **{
-                **_known(CameraCalibration, camera),
-                "intrinsics": Intrinsics.from_json(camera["intrinsics"]),
-                "translation_m": _three(camera["translation_m"]),
-                "rotation_rad": _three(camera["rotation_rad"]),
-            }
-        ),
-        table=None if table is None else TableCalibration(**_known(TableCalibration, table)),
-        jaws=None if jaws is None else JawCalibration(**_known(JawCalibration, jaws)),
-    )
-
-
-def _known(kind: type, values: Mapping[str, Any]) -> dict[str, Any]:
-    names = {one.name for one in fields(kind)}
-    unknown = sorted(set(values) - names)
-    if unknown:
-        raise KeyError(f"unknown: {', '.join(unknown)}")
-    return dict(values)
-
-
-def _three(values: Any) -> tuple[float, float, float]:
-    x, y, z = (float(value) for value in values)
-    if not np.isfinite((x, y, z)).all():
-        raise ValueError(f"{values} is not finite")
-    return x, y, z

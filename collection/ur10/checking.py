@@ -11,12 +11,13 @@ from pathlib import Path
 from handsight.collection.errors import CollectionError, DeviceError, RigSettingsError
 from handsight.collection.ur10.arm import Arm
 from handsight.collection.ur10.arm_client import FREQUENCY_HZ
-from handsight.collection.ur10.calibration import check_calibration, load_calibration
+from handsight.collection.ur10.calibration import ReachCalibration, check_calibration, load_calibration
 from handsight.collection.ur10.camera import Camera
 from handsight.collection.ur10.dashboard import Dashboard
 from handsight.collection.ur10.gripper import gripper_for
 from handsight.collection.ur10.guards import disk_fault, temperature_fault
 from handsight.collection.ur10.kinematics import kinematics_id
+from handsight.collection.ur10.reach import check_reach
 from handsight.collection.ur10.rig import RigConfig
 
 SAMPLES = 25
@@ -132,6 +133,12 @@ def _calibration(rig: RigConfig) -> Iterator[Finding]:
     for part, measured in (("table", calibration.table), ("gripper", calibration.jaws)):
         found = f"of {measured.date}" if measured else f"not yet: 'rig calibrate {part}'"
         yield Finding(device="calibration", what=part, ok=measured is not None, found=found)
+    if calibration.payload is not None:
+        weighed = calibration.payload
+        found = f"{weighed.mass_kg:.2f} kg of {weighed.date}"
+        yield Finding(device="calibration", what="payload", ok=True, found=found)
+    if calibration.reach is not None:
+        yield from _reach(calibration.reach, rig)
     try:
         camera = check_calibration(calibration, rig.calibration, rig.camera.serial)
     except RigSettingsError as error:
@@ -143,3 +150,13 @@ def _calibration(rig: RigConfig) -> Iterator[Finding]:
         ok=True,
         found=f"of {camera.date}, residual {1e3 * camera.residual_m:.2f} mm, {1e3 * camera.residual_rad:.1f} mrad",
     )
+
+
+def _reach(reach: ReachCalibration, rig: RigConfig) -> Iterator[Finding]:
+    try:
+        check_reach(reach, rig.workspace)
+    except RigSettingsError as error:
+        yield Finding(device="calibration", what="reach", ok=False, found=str(error))
+        return
+    found = f"{reach.share:.0%} of the workspace, {reach.date}"
+    yield Finding(device="calibration", what="reach", ok=True, found=found)

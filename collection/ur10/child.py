@@ -2,13 +2,15 @@
 
 The vendors' C++ clients do all three when a connection is lost. So each lives in a spawned child that answers one
 request at a time over a pipe. A request that is not answered in time ends the child with SIGKILL; the next one starts
-another. Answers carry the number of their request, so that a late one is never taken for another's.
+another. Answers carry the number of their request, so that a late one is never taken for another's. A device that is
+long at something may say that it still is: then one that hangs is told from one that works.
 """
 
 from __future__ import annotations
 
 import contextlib
 import ctypes
+import math
 import multiprocessing
 import os
 import signal
@@ -27,6 +29,8 @@ _SPAWN = multiprocessing.get_context("spawn")
 _PR_SET_PDEATHSIG = 1
 LEAVE_TIMEOUT_S = 1.0
 """How long a child whose device is closed may take to end."""
+TELL_EVERY_S = 0.25
+"""How often a device that works says so, at most."""
 _KNOWN = {kind.__name__: kind for kind in (DeviceError, DeviceLostError, PoseRefusedError, RobotStoppedError)}
 
 
@@ -40,7 +44,8 @@ class _Request:
 class SupervisedChild:
     """One device, opened in a child by ``open_device`` when something is asked of it.
 
-    ``open_device`` must survive pickling; what it returns is asked by method name, and closed with the child.
+    ``open_device`` must survive pickling; what it returns is asked by method name, and closed with the child. Where it
+    has an attribute ``still_at_it`` that gets a function to call now and then in what takes long.
     """
 
     def __init__(
@@ -75,15 +80,21 @@ class SupervisedChild:
         """Whether a child is there to be asked."""
         return self._process is not None and self._process.is_alive()
 
-    def ask(self, method: str, *arguments: Any, timeout_s: float) -> Any:
+    def ask(self, method: str, *arguments: Any, timeout_s: float, silence_s: float = math.inf) -> Any:
         """Call a method of the device and return what it returns.
+
+        Args:
+            method: Its name.
+            arguments: What it is called with.
+            timeout_s: How long it may take.
+            silence_s: How long it may say nothing, not even that it is still at it.
 
         Raises:
             DeviceLostError: The child died or did not answer in time; it is gone now.
             DeviceError: What the device raised; the child lives on.
         """
         self.start()
-        return self._ask(method, arguments, timeout_s)
+        return self._ask(method, arguments, timeout_s, silence_s)
 
     def start(self) -> None:
         """Start the child and open the device where that is to be done.
@@ -133,23 +144,14 @@ class SupervisedChild:
                 self._process.join(LEAVE_TIMEOUT_S)
         self.kill()
 
-    def _ask(self, method: str, arguments: tuple[Any, ...], timeout_s: float) -> Any:
+    def _ask(self, method: str, arguments: tuple[Any, ...], timeout_s: float, silence_s: float = math.inf) -> Any:
         if self._pipe is None:
             raise DeviceLostError(f"{self.name}: there is no child to ask")
         self._number += 1
         until = time.monotonic() + timeout_s
         try:
             self._pipe.send(_Request(self._number, method, arguments))
-            while True:
-                if not self._pipe.poll(max(until - time.monotonic(), 0.0)):
-                    self.kill()
-                    what = method or "opening"
-                    raise DeviceLostError(
-                        f"{self.name}: {what} took longer than {timeout_s:g} s; its process was ended"
-                    )
-                number, good, answer = self._pipe.recv()
-                if number == self._number:
-                    break
+            good, answer = self._answer(self._pipe, method or "opening", until, silence_s)
         except (EOFError, OSError) as error:
             code = self._exit_code()
             self.kill()
@@ -158,6 +160,22 @@ class SupervisedChild:
             return answer
         kind, message = answer
         raise _KNOWN.get(kind, DeviceError)(f"{self.name}: {message}")
+
+    def _answer(self, pipe: Connection, what: str, until: float, silence_s: float) -> tuple[bool, Any]:
+        """The answer to the last request, and whether it is one and no error."""
+        heard = begun = time.monotonic()
+        while True:
+            last = min(until, heard + silence_s)
+            if not pipe.poll(max(last - time.monotonic(), 0.0)):
+                self.kill()
+                seconds = time.monotonic() - begun
+                how = "took longer than" if last == until else f"said nothing for {silence_s:g} s, after"
+                raise DeviceLostError(f"{self.name}: {what} {how} {seconds:.3g} s; its process was ended")
+            number, good, answer = pipe.recv()
+            if number == self._number:
+                if good is not None:
+                    return good, answer
+                heard = time.monotonic()
 
     def _exit_code(self) -> int | None:
         if self._process is None:
@@ -172,14 +190,25 @@ def _serve(pipe: Connection, open_device: Callable[[], Any], log: Path | None, p
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's business; the arm is stopped by it.
     _silence(log)
     device: Any = None
+    told_s, number = 0.0, 0
+
+    def still_at_it() -> None:
+        nonlocal told_s
+        if time.monotonic() - told_s > TELL_EVERY_S:
+            told_s = time.monotonic()
+            pipe.send((number, None, None))
+
     while True:
         try:
             request: _Request = pipe.recv()
         except (EOFError, OSError):
             break
+        number = request.number
         try:
             if request.method == "":
                 device = open_device()
+                if hasattr(device, "still_at_it"):
+                    device.still_at_it = still_at_it
                 answer: Any = None
             else:
                 answer = getattr(device, request.method)(*request.arguments)

@@ -6,20 +6,38 @@ import getpass
 import json
 import os
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from handsight.collection.errors import RigPausedError
 from handsight.datasets.atomic import write_text
 
 
 def append_line(path: Path, values: dict[str, Any]) -> None:
-    """Append one line of JSON, on disk when this returns."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with path.open("a", encoding="utf-8") as file:
-        file.write(json.dumps(values, ensure_ascii=False) + "\n")
-        file.flush()
-        os.fsync(file.fileno())
+    """Append one line of JSON, on disk when this returns.
+
+    Raises:
+        RigPausedError: The disk is full, for instance: a rig that cannot say what it does stands still.
+    """
+    with _pausing(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with path.open("a", encoding="utf-8") as file:
+            file.write(json.dumps(values, ensure_ascii=False) + "\n")
+            file.flush()
+            os.fsync(file.fileno())
+
+
+@contextmanager
+def _pausing(path: Path) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        raise RigPausedError(
+            f"{path} cannot be written ({error.strerror or error}): make room on its disk, then go on with --resume"
+        ) from error
 
 
 class OperatorLog:
@@ -31,7 +49,7 @@ class OperatorLog:
         self._who = who or _user()
 
     def note(self, what: str, **values: Any) -> None:
-        """Add a line."""
+        """Add a line; see :func:`append_line` for errors."""
         append_line(self.path, {"at": now(), "who": self._who, "what": what, **values})
 
 
@@ -43,10 +61,11 @@ class Heartbeat:
         self.path = path
 
     def beat(self, state: str, **values: Any) -> None:
-        """Replace the file."""
-        self.path.parent.mkdir(parents=True, exist_ok=True)
+        """Replace the file; see :func:`append_line` for errors."""
         said = {"at": now(), "unix_s": time.time(), "pid": os.getpid(), "state": state, **values}
-        write_text(self.path, json.dumps(said) + "\n")
+        with _pausing(self.path):
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            write_text(self.path, json.dumps(said) + "\n")
 
 
 def now() -> str:

@@ -6,6 +6,7 @@ import difflib
 import ipaddress
 import math
 import re
+import reprlib
 import tomllib
 from collections.abc import Mapping
 from dataclasses import MISSING, Field, fields, is_dataclass
@@ -17,10 +18,14 @@ from handsight.collection.errors import RigSettingsError, UnreachableError
 from handsight.collection.sim.grippers import FLANGE_TO_TIP_M
 from handsight.collection.sim.kinematics import REFERENCE_RAD, joints_for
 from handsight.collection.ur10.rig import CAMERAS, GENERATIONS, GRIPPERS, RigConfig
+from handsight.datasets.format.typed import listed, shown
 from handsight.servoing.planar import PlanarPose
 
 _HOST = re.compile(r"(?=.{1,253}$)[A-Za-z0-9]([A-Za-z0-9-]*[A-Za-z0-9])?(\.[A-Za-z0-9]([A-Za-z0-9-]*[A-Za-z0-9])?)*")
 _PORTS = range(1, 65536)
+_LARGEST = 1e30
+"""No quantity of a rig has a number beyond."""
+_LONGEST_KEY = 60
 
 # Least and greatest sensible values, units as in the name. What is beyond by a thousand was meant in another unit.
 _RANGES: dict[str, tuple[float, float]] = {
@@ -102,7 +107,7 @@ def load_rig(path: Path) -> RigConfig:
         raise RigSettingsError(
             f"{path} is missing, expected the rig's file: docs/rig.md has one to begin with"
         ) from None
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise RigSettingsError(f"{path} cannot be read as TOML: {error}") from error
     return rig_from(values, path)
 
@@ -119,7 +124,7 @@ def rig_from(values: Mapping[str, Any], path: Path) -> RigConfig:
         faults += _relations(built)
         faults += _reach(built) if not faults else []
     if faults or built is None:
-        raise RigSettingsError(f"{path} describes no usable rig: {'; '.join(faults)}")
+        raise RigSettingsError(f"{path} describes no usable rig: {listed(faults)}")
     rig: RigConfig = built
     return rig
 
@@ -138,7 +143,7 @@ def _table(kind: type, values: Mapping[str, Any], prefix: str, faults: list[str]
                 faults.append(f"{where} is missing, expected {_expected(hints[name])}")
         elif is_dataclass(hints[name]):
             if not isinstance(values[name], Mapping):
-                faults.append(f"{where} is {values[name]!r}, expected a table [{where}]")
+                faults.append(f"{where} is {shown(values[name])}, expected a table [{where}]")
             else:
                 made[name] = _table(hints[name], values[name], f"{where}.", faults, folder)
         else:
@@ -158,7 +163,8 @@ def _unknown(where: str, known: list[str]) -> str:
     near = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
     meant = f"{prefix}.{near[0]}" if prefix and near else near[0] if near else ""
     hint = f"did you mean {meant}?" if near else f"expected some of {', '.join(known)}"
-    return f"{where} is no setting: {hint}"
+    named = where if where.isprintable() and len(where) <= _LONGEST_KEY else shown(where)
+    return f"{named} is no setting: {hint}"
 
 
 def _expected(hint: Any) -> str:
@@ -177,15 +183,14 @@ def _value(value: Any, hint: Any, where: str, faults: list[str], folder: Path) -
         length = None if inner[-1] is Ellipsis else len(inner)
         good = isinstance(value, list) and all(_is(one, inner[0]) for one in value)
         if not good or (length is not None and len(value) != length):
-            faults.append(f"{where} is {value!r}, expected {_expected(hint)}")
+            faults.append(f"{where} is {reprlib.repr(value)}, expected {_expected(hint)}")
             return None
-        if inner[0] is float and max(map(abs, value)) > 1.0:
-            faults.append(
-                f"{where} is {value!r}, expected metres within 1{_unit_hint(max(map(abs, value)), 1.0, where)}"
-            )
+        if inner[0] is float and (largest := max(map(abs, value))) > 1.0:
+            hinted = _unit_hint(largest, 1.0, where)
+            faults.append(f"{where} is {reprlib.repr(value)}, expected metres within 1{hinted}")
         return tuple(inner[0](one) for one in value)
     if not _is(value, str if hint is Path else hint):
-        faults.append(f"{where} is {value!r}, expected {_expected(hint)}")
+        faults.append(f"{where} is {shown(value)}, expected {_expected(hint)}")
         return None
     if hint is Path:
         return folder / value
@@ -193,11 +198,11 @@ def _value(value: Any, hint: Any, where: str, faults: list[str], folder: Path) -
         least, most = _RANGES[where]
         if not least <= value <= most:
             hinted = _unit_hint(abs(value), max(abs(least), abs(most)), where)
-            faults.append(f"{where} is {value}, expected {least:g} to {most:g}{hinted}")
+            faults.append(f"{where} is {shown(value)}, expected {least:g} to {most:g}{hinted}")
     if where.endswith("address") and not _is_address(value):
-        faults.append(f"{where} is {value!r}, expected an IP address or host name")
+        faults.append(f"{where} is {shown(value)}, expected an IP address or host name")
     if where.endswith("port") and value not in _PORTS and not (where == "gripper.port" and value == 0):
-        faults.append(f"{where} is {value}, expected 1 to 65535")
+        faults.append(f"{where} is {shown(value)}, expected 1 to 65535")
     if where == "camera.file" and value:
         return str(folder / value)
     return hint(value)
@@ -207,7 +212,7 @@ def _is(value: object, hint: type) -> bool:
     if hint is bool or isinstance(value, bool):
         return hint is bool and isinstance(value, bool)
     if hint is float:
-        return isinstance(value, int | float) and math.isfinite(value)
+        return isinstance(value, int | float) and abs(value) <= _LARGEST
     return isinstance(value, hint)
 
 
@@ -240,7 +245,9 @@ def _relations(rig: RigConfig) -> list[str]:
     ):
         if value not in known:
             near = difflib.get_close_matches(value, known, n=1)
-            faults.append(f"{where} is {value!r}, expected {' or '.join(known)}" + (f": {near[0]}?" if near else ""))
+            faults.append(
+                f"{where} is {shown(value)}, expected {' or '.join(known)}" + (f": {near[0]}?" if near else "")
+            )
     if rig.camera.kind == "emulated" and not rig.camera.address:
         faults.append("camera.address is missing, expected the address of the emulated camera")
     if rig.camera.kind == "recording" and not rig.camera.file:

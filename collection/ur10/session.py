@@ -6,8 +6,8 @@ time of a grasp. Whatever ends a session, the same call with ``resume`` goes on 
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from contextlib import closing
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -15,11 +15,14 @@ from handsight.collection.attempt import attempt_seed, run_attempt
 from handsight.collection.collector import CollectReport, CollectSettings, open_writer, session_header
 from handsight.collection.errors import RigPausedError
 from handsight.collection.ur10.guards import SuccessWindow
-from handsight.collection.ur10.station import Ur10StationFactory
+from handsight.collection.ur10.rig import GuardConfig
+from handsight.collection.ur10.station import Ur10Station, Ur10StationFactory
+from handsight.datasets.errors import DatasetError
 from handsight.datasets.records import GraspAttempt
 
 if TYPE_CHECKING:
     from handsight.datasets.store.repository import GraspRepository
+    from handsight.datasets.writing.writer import SessionWriter
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,41 +52,76 @@ def collect_on_rig(
 
     Raises:
         DeviceError: A device is missing from the start.
-        StorageError: The disk is full, for instance; the dataset is as the last commit left it.
+        StorageError: The dataset cannot be opened for writing.
+        Exception: What nobody thought of; the alarm has told of it.
     """
     header = replace(session_header(factory, settings), seed=None)
     writer = open_writer(repository, header, resume=resume)
-    resumed_from = writer.next_number
+    resumed_from = kept = writer.next_number
     successes, paused = 0, ""
-    window = SuccessWindow(factory.rig.guards)
     with closing(writer):
         if resumed_from < settings.attempts:
             with closing(factory()) as station:
                 try:
-                    for number in range(resumed_from, settings.attempts):
-                        attempt = run_attempt(
-                            station,
-                            settings.policy,
-                            number,
-                            attempt_seed(settings.seed, number),
-                            pregrasp_picture=settings.pregrasp_picture,
-                        )
-                        writer.append(attempt)
-                        writer.commit()
+                    for attempt in _committed(station, writer, settings, factory.rig.guards):
+                        kept += 1
                         successes += attempt.success
                         if on_attempt is not None:
-                            on_attempt(attempt, writer.next_number)
-                        if fault := window.add(attempt):
-                            station.pause(fault)
-                            raise RigPausedError(fault)
+                            on_attempt(attempt, kept)
                 except RigPausedError as error:
                     paused = str(error)
             if not paused:
                 writer.seal()
     return RigReport(
-        session=writer.session,
-        resumed_from=resumed_from,
-        attempts=writer.next_number,
-        successes=successes,
-        paused=paused,
+        session=writer.session, resumed_from=resumed_from, attempts=kept, successes=successes, paused=paused
     )
+
+
+def _committed(
+    station: Ur10Station, writer: SessionWriter, settings: CollectSettings, guards: GuardConfig
+) -> Iterator[GraspAttempt]:
+    """Attempts, each once it is committed.
+
+    Raises:
+        RigPausedError: A person has to come; everybody was told.
+    """
+    window = SuccessWindow(guards)
+    for number in range(writer.next_number, settings.attempts):
+        with _alarmed(station):
+            attempt = run_attempt(
+                station,
+                settings.policy,
+                number,
+                attempt_seed(settings.seed, number),
+                pregrasp_picture=settings.pregrasp_picture,
+            )
+        with _paused_by_storage(station):
+            writer.append(attempt)
+            writer.commit()
+        yield attempt
+        if fault := window.add(attempt):
+            station.pause(fault)
+            raise RigPausedError(fault)
+
+
+@contextmanager
+def _paused_by_storage(station: Ur10Station) -> Iterator[None]:
+    """What cannot be kept pauses the rig: the attempt was told to nobody, and the next one would be lost too."""
+    try:
+        yield
+    except (DatasetError, OSError) as error:
+        reason = f"the attempt cannot be kept: {error}"
+        station.pause(reason)
+        raise RigPausedError(reason) from error
+
+
+@contextmanager
+def _alarmed(station: Ur10Station) -> Iterator[None]:
+    """Nobody watches an unattended rig: that it ended has to be told, whatever ended it."""
+    try:
+        yield
+    except RigPausedError:
+        raise
+    except Exception as error:
+        station.pause(f"{type(error).__name__}: {error}")
+        raise

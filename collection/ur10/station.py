@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -37,6 +37,7 @@ from handsight.collection.ur10.gripper import Gripper, GripResult, gripper_for
 from handsight.collection.ur10.guards import disk_fault, height_over_table_m, temperature_fault
 from handsight.collection.ur10.logs import Heartbeat, OperatorLog, append_line, now
 from handsight.collection.ur10.poses import matrix_of
+from handsight.collection.ur10.reach import check_reach, reached_workspace
 from handsight.collection.ur10.recovery import Recovery
 from handsight.collection.ur10.rectify import Rectifier
 from handsight.collection.ur10.rig import RigConfig
@@ -62,10 +63,12 @@ class Ur10StationFactory:
         """The station of a rig with its calibration.
 
         Raises:
-            RigSettingsError: The calibration is missing, damaged, or of another camera.
+            RigSettingsError: The calibration is missing, damaged, or of another camera or workspace.
         """
         calibration = load_calibration(rig.calibration)
         check_calibration(calibration, rig.calibration, rig.camera.serial)
+        if calibration.reach is not None:
+            check_reach(calibration.reach, rig.workspace)
         return cls(rig=measured(rig, calibration), calibration=calibration, data_folder=data_folder)
 
     @property
@@ -113,6 +116,10 @@ def measured(rig: RigConfig, calibration: Calibration) -> RigConfig:
     if calibration.jaws is not None:
         jaws = calibration.jaws
         rig = replace(rig, gripper=replace(rig.gripper, open_count=jaws.open_count, closed_count=jaws.closed_count))
+    if calibration.payload is not None:
+        weighed = calibration.payload
+        robot = replace(rig.robot, payload_kg=weighed.mass_kg, centre_of_mass_m=weighed.centre_of_mass_m)
+        rig = replace(rig, robot=robot)
     return rig
 
 
@@ -123,6 +130,7 @@ class Ur10Station:
         """Connect to everything, and lift the tool if the last session ended low; see the factory for errors."""
         rig = self._rig = factory.rig
         self._data_folder = factory.data_folder
+        self._workspace = reached_workspace(rig.workspace, factory.calibration.reach)
         self._spec = factory.spec
         camera = check_calibration(factory.calibration, rig.calibration, rig.camera.serial)
         self._rectifier = Rectifier(camera.intrinsics, camera.rotation)
@@ -160,7 +168,7 @@ class Ur10Station:
     @property
     def workspace(self) -> Workspace:
         """Where grasps are drawn."""
-        return self._rig.workspace.area
+        return self._workspace
 
     @property
     def clock_s(self) -> float:
@@ -189,18 +197,18 @@ class Ur10Station:
             PhaseError: The arm or the gripper fails on the way.
         """
         self._attempts += 1
-        self._flush_readings()
         with self._paused_told():
+            self._flush_readings()
             if self._fault:
                 self._recover()
-            self._clock_s, self._last_s = 0.0, None
-            _ = self.clock_s
-            with self._phase("settle"):
-                self._guard()
-                self._put_down(rng)
-                self._measure_jaws()
-                self._grip, self._holding = self.gripper.open(), False
-                self._home()
+        self._clock_s, self._last_s = 0.0, None
+        _ = self.clock_s
+        with self._phase("settle"):
+            self._guard()
+            self._put_down(rng)
+            self._measure_jaws()
+            self._grip, self._holding = self.gripper.open(), False
+            self._home()
 
     def look(self) -> RgbdFrame:
         """Take a picture and turn it parallel to the tool; the tool must stand.
@@ -287,17 +295,20 @@ class Ur10Station:
 
     def close(self) -> None:
         """Release everything; the arm stays where it is, the jaws too."""
-        self._flush_readings()
+        with suppress(RigPausedError):
+            self._flush_readings()
         self.arm.close()
         self.camera.close()
         self.gripper.disconnect()
 
     def pause(self, reason: str) -> None:
-        """Tell everybody that a person has to come."""
-        self.log.note("paused", reason=reason)
-        self._heartbeat.beat("paused", reason=reason)
-        for fault in sound_alarm(self._rig.alarm, f"handsight rig {self._rig.robot.address} paused: {reason}"):
-            self.log.note("alarm failed", error=fault)
+        """Tell everybody that a person has to come: first who is outside, then the files, if they can be written."""
+        failed = sound_alarm(self._rig.alarm, f"handsight rig {self._rig.robot.address} paused: {reason}")
+        with suppress(RigPausedError):
+            self._heartbeat.beat("paused", reason=reason)
+            self.log.note("paused", reason=reason)
+            for fault in failed:
+                self.log.note("alarm failed", error=fault)
 
     def _leave_room_to_shake(self, pose: PlanarPose) -> None:
         area = self._rig.workspace
@@ -319,7 +330,6 @@ class Ur10Station:
             raise RigPausedError(f"{self._fault}; look at the camera and its cable, then go on with --resume")
         self.recovery.recover(self._fault)
         self._fault, self._holding = "", False
-        self._grip = self.gripper.read()
 
     def _guard(self) -> None:
         state = self.arm.state()
@@ -334,7 +344,7 @@ class Ur10Station:
     def _put_down(self, rng: np.random.Generator) -> None:
         """Carry what is held to a random place, lower it and let it fall; the stream is used alike if nothing is."""
         area = self._rig.workspace
-        x_m, y_m = area.area.sample(rng)
+        x_m, y_m = self._workspace.sample(rng)
         yaw_rad = rng.uniform(-0.5 * math.pi, 0.5 * math.pi)
         if not self._holding:
             return
@@ -406,7 +416,12 @@ class Ur10Station:
 
     @contextmanager
     def _phase(self, phase: str) -> Iterator[None]:
-        self._heartbeat.beat("working", attempt=self._attempts, phase=phase)
+        with self._paused_told(), self._failing(phase):
+            self._heartbeat.beat("working", attempt=self._attempts, phase=phase)
+            yield
+
+    @contextmanager
+    def _failing(self, phase: str) -> Iterator[None]:
         try:
             yield
         except PoseRefusedError as error:

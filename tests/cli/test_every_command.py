@@ -33,7 +33,8 @@ UNTRIED = {
     "review": "every decision is made by a key, and taken back by another",
     **dict.fromkeys(("collect ur10", "rig home"), "a dry run of the whole cycle is 'rig check --move'"),
     **dict.fromkeys(
-        ("rig calibrate camera", "rig calibrate gripper", "rig calibrate table"), "measures, and is undone by it"
+        (f"rig calibrate {part}" for part in ("camera", "gripper", "payload", "reach", "table")),
+        "measures, and is undone by it",
     ),
     "rig check": "changes nothing, and moves nothing unless it is asked for it",
     "rig emulate": "changes nothing: it stands in for devices until it is ended",
@@ -104,6 +105,8 @@ LONG = {
     "collect ur10",
     "rig calibrate camera",
     "rig calibrate gripper",
+    "rig calibrate payload",
+    "rig calibrate reach",
     "rig calibrate table",
     "rig check",
     "rig emulate",
@@ -181,6 +184,8 @@ REFUSED = (
     "collect ur10 {new} --rig {nowhere}",
     "rig calibrate camera --rig {nowhere}",
     "rig calibrate gripper --rig {nowhere}",
+    "rig calibrate payload --rig {nowhere}",
+    "rig calibrate reach --rig {nowhere}",
     "rig calibrate table --rig {nowhere}",
     "rig check --rig {nowhere}",
     "rig emulate --rig {nowhere}",

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import html
 import json
+import re
+import shlex
 from pathlib import Path
 
 import pytest
@@ -12,10 +15,15 @@ from tests.support.html_page import HtmlPage
 from tests.support.reports import MARKUP, make_demo, make_evaluation
 from tests.support.rrd import colours, read_picture
 from tests.support.runs import save_untrained
+from tests.support.s3_server import empty_bucket, s3_server
 
 from handsight.cli.app import run
 from handsight.datasets import GraspDataset, GraspRepository, Outcome, Selection
 from handsight.datasets.curation.curator import Curator
+from handsight.datasets.exchange.merge import merge
+from handsight.datasets.reading.attempt_ids import resolve_attempt_ids
+
+BUCKET = "s3://lab/week/grasps"
 
 
 @pytest.fixture(scope="module")
@@ -61,6 +69,30 @@ def test_a_folder_of_the_demo_is_told_whole(demo: Path, page: Path) -> None:
     assert len(HtmlPage(page.read_text()).all("img")) >= 6
 
 
+def calls_of(text: str, *words: str) -> list[list[str]]:
+    """The calls on a page that begin with some words, as a shell takes them apart."""
+    calls = [shlex.split(html.unescape(re.sub("<[^>]*>", "", code))) for code in re.findall("<code>(.*?)</code>", text)]
+    return [call for call in calls if call[: len(words)] == list(words)]
+
+
+def test_every_picture_of_a_gallery_names_the_call_that_shows_it(
+    page: Path, demo: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    text = page.read_text()
+    shown = calls_of(text, "handsight", "dataset", "show")
+    assert len(shown) > 2
+    dataset = GraspDataset.open(f"{demo / 'grasps'}@v1")
+    ((_, _, _, address, *together, option, file),) = calls_of(text, "handsight", "view", "dataset")
+    assert (address, option, file) == (f"{demo / 'grasps'}@v1", "--picture", "failed.png")
+    assert resolve_attempt_ids(dataset, together) == [call[4] for call in shown]
+    monkeypatch.chdir(tmp_path)
+    assert run(shown[0][1:]) == 0
+    assert (tmp_path / "attempt.png").is_file()
+    assert calls_of(text, "handsight", "heatmap")
+    for call in calls_of(text, "handsight", "heatmap"):
+        assert "--picture" in call or "--wrong" in call
+
+
 def test_the_same_folder_makes_the_same_page(demo: Path, page: Path) -> None:
     first = page.read_bytes()
     assert run(["report", str(demo), "--out", str(page)]) == 0
@@ -104,6 +136,28 @@ def test_a_dataset_is_told_with_what_curation_decided(tmp_path: Path, capsys: py
     text = said_of(out)
     for said in (MARKUP, "<b>blurred</b>", "relabel as success (undone)", "undo decision 1", "anna"):
         assert said in text, said
+
+
+def test_a_dataset_in_a_bucket_is_told_like_one_in_a_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("HANDSIGHT_CACHE", str(tmp_path / "cache"))
+    source = GraspRepository.create(tmp_path / "grasps")
+    header = make_header(width=64, height=48)
+    record(source, header, [make_attempt(header, at, outcome=Outcome(at % 2)) for at in range(8)])
+    with s3_server() as server:
+        empty_bucket(server, monkeypatch)
+        merge(GraspDataset(source, ref="main"), GraspRepository.create(BUCKET))
+        pages = {}
+        for place in (str(tmp_path / "grasps"), BUCKET):
+            out = tmp_path / "report.html"
+            assert run(["report", place, "--out", str(out)]) == 0, capsys.readouterr().err
+            pages[place] = out.read_text()
+    pictures = [[one["src"] for one in HtmlPage(text).all("img")] for text in pages.values()]
+    assert pictures[0] == pictures[1]
+    assert len(pictures[0]) >= 2
+    assert ["handsight", "dataset", "stats", BUCKET, "--plot", "stats.svg"] in calls_of(pages[BUCKET], "handsight")
+    assert str(tmp_path / "grasps") not in pages[BUCKET]
 
 
 def test_a_run_is_told_with_its_curve_and_limits(tmp_path: Path) -> None:

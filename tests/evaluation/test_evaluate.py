@@ -14,10 +14,11 @@ from handsight.collection.sim.config import SimConfig
 from handsight.collection.sim.station import SimStation, SimStationFactory
 from handsight.evaluation.errors import TrialAbortedError
 from handsight.evaluation.evaluate import EvaluationSettings, TrialContextFactory, evaluate, record_trial
-from handsight.evaluation.trial import Trial, run_trial
+from handsight.evaluation.trial import Trial, TrialRecording, run_trial
+from handsight.evaluation.watching import TrialStart
 from handsight.jobs.engine import LOCAL
 from handsight.servoing.homography import InputGrid
-from handsight.servoing.loop import ServoSettings
+from handsight.servoing.loop import ServoSettings, ServoStep
 from handsight.training.errors import CheckpointError
 from handsight.training.gqn import GqnConfig, GraspQualityNetwork
 from handsight.training.run import DataOrigin, save_run
@@ -101,3 +102,19 @@ def test_a_trial_to_record_that_is_aborted_says_why(factory: TrialContextFactory
 def test_a_run_that_is_replaced_between_trials_is_noticed(factory: TrialContextFactory) -> None:
     with pytest.raises(CheckpointError, match="holds another network"):
         replace(factory, weights_sha256="0" * 64)()
+
+
+def test_whoever_watches_is_there_first_and_closed_where_no_trial_can_begin(factory: TrialContextFactory) -> None:
+    closed: list[str] = []
+
+    class Watcher:
+        def begin(self, start: TrialStart) -> None: ...
+        def step(self, step: ServoStep) -> None: ...
+        def end(self, recording: TrialRecording | None) -> None: ...
+
+        def close(self) -> None:
+            closed.append("closed")
+
+    with pytest.raises(CheckpointError, match="holds another network"):
+        replace(factory, weights_sha256="0" * 64, watch=Watcher)()
+    assert closed == ["closed"]

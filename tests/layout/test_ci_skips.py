@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from tests.support.ursim import NO_URSIM
 
 TESTS = Path(__file__).parents[1]
 
@@ -33,6 +34,15 @@ def test_a_skip_fails_in_ci_and_gives_its_reason(tmp_path: Path, source: str) ->
     assert run.returncode not in (0, 5), run.stdout
     assert "nothing may be skipped" in run.stdout
     assert "no such device" in run.stdout
+
+
+def test_what_no_ci_can_install_is_skipped_and_told(tmp_path: Path) -> None:
+    run = run_pytest(tmp_path, f"import pytest\ndef test_it(): pytest.skip({NO_URSIM!r})\n", ci="true")
+    assert run.returncode == 0, run.stdout
+    assert "1 skipped" in run.stdout
+    assert NO_URSIM in run.stdout
+    run = run_pytest(tmp_path, f"import pytest\ndef test_it(): pytest.skip({NO_URSIM[:20]!r})\n", ci="true")
+    assert run.returncode == pytest.ExitCode.TESTS_FAILED, run.stdout
 
 
 def test_a_skip_fails_on_several_processes_too(tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import time
+from collections.abc import Callable
 
 from handsight.collection.errors import DeviceError, PoseRefusedError, RobotStoppedError
 
@@ -14,6 +15,7 @@ class Device:
 
     def __init__(self) -> None:
         self.asked = 0
+        self.still_at_it: Callable[[], None] = lambda: None
 
     def count(self) -> int:
         self.asked += 1
@@ -24,6 +26,18 @@ class Device:
 
     def hang(self) -> None:
         time.sleep(600)
+
+    def work_then_hang(self, times: int) -> None:
+        for _ in range(times):
+            time.sleep(0.3)
+            self.still_at_it()
+        time.sleep(600)
+
+    def work(self, times: int) -> int:
+        for _ in range(times):
+            time.sleep(0.3)
+            self.still_at_it()
+        return times
 
     def die(self) -> None:
         os.kill(os.getpid(), signal.SIGSEGV)

@@ -20,11 +20,10 @@ QUIET = (
     "--disable-default-apps",
     "--disable-extensions",
     "--disable-sync",
-    "--disable-gpu",
     "--disable-dev-shm-usage",
     "--hide-scrollbars",
     # What the browser itself would ask its maker finds no way out; nor would the page.
-    "--host-resolver-rules=MAP * ~NOTFOUND",
+    "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",
 )
 
 
@@ -48,6 +47,14 @@ def chromium() -> str:
     return found
 
 
+def browser_call(folder: Path, *options: str) -> list[str]:
+    """The command of a browser without a window, with its own profile in ``folder``."""
+    call = [chromium(), "--headless=new", *QUIET, f"--user-data-dir={folder / 'profile'}", *options]
+    if os.geteuid() == 0:
+        call.append("--no-sandbox")  # Chromium refuses to be root otherwise.
+    return call
+
+
 def visit(page: Path, folder: Path, *, width_px: int, dark: bool = False) -> Visit:
     """Open a page, with its own profile in ``folder``."""
     log = folder / "net.json"
@@ -66,11 +73,7 @@ def picture(page: Path, folder: Path, *, width_px: int, height_px: int = 1600, d
 def _run(
     page: Path, folder: Path, width_px: int, *options: str, height_px: int = 1600, dark: bool
 ) -> subprocess.CompletedProcess[str]:
-    profile = folder / "profile"
-    call = [chromium(), "--headless=new", *QUIET, f"--user-data-dir={profile}"]
-    call += [f"--window-size={width_px},{height_px}", *options]
-    if os.geteuid() == 0:
-        call.append("--no-sandbox")  # Chromium refuses to be root otherwise.
+    call = browser_call(folder, f"--window-size={width_px},{height_px}", "--disable-gpu", *options)
     if dark:
         call.append("--force-dark-mode")
     done = subprocess.run(

@@ -15,11 +15,13 @@ import tests.support.fuzz_sources as sources
 import tests.support.fuzz_spoilers as spoilers
 import tests.support.fuzz_words as words
 from tests.support.foreign_sets import HDF5_MAP, LEROBOT_MAP
-from tests.support.fuzz_mutations import mutate_folder
+from tests.support.fuzz_mutations import mutate_file, mutate_folder
 from tests.support.fuzz_sources import command
 
 from handsight.collection.sim.objects.catalogue import load_object_set
 from handsight.collection.sim.objects.meshes.plan import plan_import
+from handsight.collection.ur10.rig_file import load_rig
+from handsight.collection.ur10.station import Ur10StationFactory
 from handsight.datasets import GraspDataset
 from handsight.datasets.inputs.materialize import materialize
 from handsight.training.run import load_run
@@ -67,6 +69,12 @@ def parse_object_set(folder: Path, _: Any) -> int:
 def parse_run(folder: Path, _: Any) -> int:
     """A run by its folder."""
     load_run(folder / "run")
+    return 0
+
+
+def parse_rig(folder: Path, _: Any) -> int:
+    """A rig by its file, with the calibration beside it, as far as nothing is connected."""
+    Ur10StationFactory.of(load_rig(folder / "rig.toml")).settings()
     return 0
 
 
@@ -135,6 +143,15 @@ PARSERS: dict[str, Parser] = {
         parse=partial(import_of, "set"),
     ),
     "run": Parser(make=sources.make_run, spoil=spoilers.spoil_run, parse=parse_run, quick=True),
+    "rig": Parser(
+        make=sources.make_rig, spoil=lambda f, rng: mutate_file(f / "rig.toml", rng), parse=parse_rig, quick=True
+    ),
+    "calibration": Parser(
+        make=sources.make_rig,
+        spoil=lambda f, rng: mutate_file(f / "calibration.json", rng),
+        parse=parse_rig,
+        quick=True,
+    ),
     "cache": Parser(make=sources.make_cache, spoil=spoilers.spoil_cache, parse=parse_cache),
     "object-set": Parser(
         make=sources.make_object_set,

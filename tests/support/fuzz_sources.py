@@ -6,6 +6,7 @@ import io
 import json
 import shutil
 from contextlib import redirect_stderr, redirect_stdout
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -15,9 +16,17 @@ import trimesh
 from tests.support.factories import make_attempt, make_header, record
 from tests.support.foreign_sets import HDF5_MAP, LEROBOT_MAP, unpack_lerobot, write_hdf5, write_map
 from tests.support.meshes import block, pyramid, stl
+from tests.support.rig_files import true_calibration, write_rig_file
 
 from handsight.cli.app import run
 from handsight.collection.sim.objects.meshes.importer import import_folder
+from handsight.collection.ur10.calibration import (
+    JawCalibration,
+    PayloadCalibration,
+    ReachCalibration,
+    TableCalibration,
+    save_calibration,
+)
 from handsight.datasets import GraspDataset, GraspRepository, Outcome
 from handsight.datasets.inputs.materialize import materialize
 from handsight.servoing.homography import InputGrid
@@ -40,6 +49,28 @@ def make_dataset(folder: Path) -> None:
     header = make_header()
     repository = GraspRepository.create(folder / "grasps")
     record(repository, header, [make_attempt(header, number) for number in range(4)])
+
+
+def make_rig(folder: Path) -> None:
+    """A rig's file, with everything measured."""
+    write_rig_file(folder, robot="127.0.0.2", camera="127.0.0.3", generation="e-series")
+    date = "2026-01-01T00:00:00+00:00"
+    calibration = replace(
+        true_calibration(),
+        table=TableCalibration(date=date, height_m=0.001, tilt_rad=0.002, residual_m=0.0004, points=5),
+        jaws=JawCalibration(date=date, open_count=3, closed_count=228, spread=1, pad_width_m=0.022, pad_length_m=0.037),
+        payload=PayloadCalibration(
+            date=date,
+            mass_kg=1.4,
+            centre_of_mass_m=(0.001, -0.01, 0.07),
+            told_kg=1.3,
+            residual_n=0.1,
+            residual_nm=0.02,
+            poses=7,
+        ),
+        reach=ReachCalibration(date=date, x_min_m=0.5, y_min_m=-0.15, step_m=0.02, rows=("#" * 14 + ".",) * 15),
+    )
+    save_calibration(folder / "calibration.json", calibration)
 
 
 def make_export(format: str, name: str, folder: Path) -> None:

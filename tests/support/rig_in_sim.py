@@ -1,13 +1,21 @@
-"""What a rig's evaluation is to be held against: the simulator, with the starts, the height and the shakes of a rig.
+"""A rig's evaluation and what it is to be held against: the simulator, with a rig's starts, height, contact and shakes.
 
 A rig does not know where its objects lie, so its trials begin anywhere over the workspace, where those of the simulator
-begin around an object. ``python tests/support/rig_in_sim.py --model RUN`` prints rates with their 95 % intervals.
+begin around an object; it stops at 40 N, where the simulator stops at 10; and what lies on its table stays there, so a
+grasp that fails is tried again. Here the starts and the contact are those of a rig, and every trial has a scene of its
+own, on the emulated rig by its control port.
+
+    python tests/support/rig_in_sim.py --model RUN
+    python tests/support/rig_in_sim.py --model RUN --rig rig.toml --control 7000
+
+prints rates with their 95 % intervals, as lines of JSON.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import socket
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,6 +23,10 @@ import numpy as np
 
 from handsight.collection.sim.config import SimConfig
 from handsight.collection.sim.station import SimStation, SimStationFactory
+from handsight.collection.ur10.emulator.physics import ARM_YIELD_N
+from handsight.collection.ur10.rig import MotionConfig
+from handsight.collection.ur10.rig_file import load_rig
+from handsight.collection.ur10.station import Ur10Station, Ur10StationFactory
 from handsight.evaluation.evaluate import EvaluationSettings, TrialContextFactory, evaluate, method_names
 from handsight.evaluation.results import result_rows
 from handsight.servoing.loop import ServoSettings
@@ -41,10 +53,66 @@ class BlindStationFactory(SimStationFactory):
         return BlindStation(self.config)
 
 
+class RefilledStation(Ur10Station):
+    """A rig at which somebody lays out other objects before every attempt."""
+
+    def __init__(self, factory: RefilledFactory) -> None:
+        """Connect; see the factory."""
+        super().__init__(factory)
+        self._control = (factory.rig.robot.address, factory.control_port)
+
+    def reset(self, rng: np.random.Generator) -> None:
+        """As on a rig, and then other objects fall while the arm stands above them."""
+        super().reset(rng)
+        with socket.create_connection(self._control, timeout=30) as connection:
+            connection.sendall(b'{"do": "refill", "exchange": true}\n')
+            connection.makefile(encoding="utf-8").readline()
+        began_s = self.arm.state().timestamp_s
+        while self.arm.state().timestamp_s < began_s + SETTLE_S:
+            pass  # Every state is a new one, so this waits for the controller.
+
+
+SETTLE_S = 3.0
+"""Of the robot's time, until what fell lies."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RefilledFactory(Ur10StationFactory):
+    """Opens such stations."""
+
+    control_port: int
+
+    def __call__(self) -> RefilledStation:
+        """Connect to everything."""
+        return RefilledStation(self)
+
+
+def simulated(options: argparse.Namespace) -> BlindStationFactory:
+    """The simulator in the part of the rig."""
+    config = SimConfig(
+        objects=options.objects,
+        shakes=3,
+        pregrasp_height_m=options.pregrasp_m,
+        lift_height_m=min(0.25, options.pregrasp_m - LIFT_BELOW_M),
+        contact_force_n=MotionConfig().contact_force_n,
+        touch_speed_m_s=MotionConfig().descend_speed_m_s,
+        yield_force_n=ARM_YIELD_N,
+    )
+    return BlindStationFactory(config=config)
+
+
+def emulated(options: argparse.Namespace) -> RefilledFactory:
+    """The emulated rig of a file."""
+    found = Ur10StationFactory.of(load_rig(options.rig))
+    return RefilledFactory(rig=found.rig, calibration=found.calibration, control_port=options.control)
+
+
 def main() -> None:
     """Evaluate as the options say."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--model", type=Path, required=True)
+    parser.add_argument("--rig", type=Path)
+    parser.add_argument("--control", type=int, default=7000)
     parser.add_argument("--objects", default="household-test")
     parser.add_argument("--methods", default="random,cem-1,global")
     parser.add_argument("--trials", type=int, default=50)
@@ -53,22 +121,17 @@ def main() -> None:
     parser.add_argument("--pregrasp-m", type=float, default=0.2)
     parser.add_argument("--threshold", type=float, default=0.85)
     options = parser.parse_args()
-    config = SimConfig(
-        objects=options.objects,
-        shakes=3,
-        pregrasp_height_m=options.pregrasp_m,
-        lift_height_m=min(0.25, options.pregrasp_m - LIFT_BELOW_M),
-    )
     settings = EvaluationSettings(
         methods=tuple(method_names(options.methods)),
         trials=options.trials,
         seed=options.seed,
-        workers=options.workers,
+        workers=1 if options.rig else options.workers,
         servo=ServoSettings(threshold=options.threshold),
     )
-    run = load_run(options.model)
     factory = TrialContextFactory(
-        open_station=BlindStationFactory(config=config), run=options.model, weights_sha256=run.weights_sha256
+        open_station=emulated(options) if options.rig else simulated(options),
+        run=options.model,
+        weights_sha256=load_run(options.model).weights_sha256,
     )
     trials = evaluate(factory, settings)
     for row in result_rows(trials, objects=options.objects, methods=settings.methods):

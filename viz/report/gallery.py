@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handsight.datasets.errors import CorruptDataError, counted
+from handsight.datasets.reading.attempt_ids import short_id
 from handsight.datasets.reading.reader import GraspDataset
 from handsight.datasets.reading.stats import LabelStats
 from handsight.datasets.records import GraspAttempt, RgbdFrame, StationSpec
@@ -33,11 +34,14 @@ def failed_attempts(dataset: GraspDataset, stats: LabelStats, name: str) -> Gall
         name: How it is named in a command.
     """
     pictures: list[Figure] = []
+    shown: list[str] = []
+    shortened = short_id(dataset)
     for attempt in _chosen(dataset, stats)[:_LOOKED_AT]:
         if len(pictures) == MOST_PICTURES:
             break
         if (picture := _picture(dataset, attempt, stats, name)) is not None:
             pictures.append(picture)
+            shown.append(shortened(attempt))
     if not pictures:
         return None
     return Gallery(
@@ -47,7 +51,7 @@ def failed_attempts(dataset: GraspDataset, stats: LabelStats, name: str) -> Gall
             "where the grasp was tried."
         ),
         pictures=tuple(pictures),
-        command=f"handsight dataset ls {name} --where 'success == False'",
+        command=f"handsight view dataset {name} {' '.join(shown)} --picture failed.png",
     )
 
 
@@ -79,7 +83,7 @@ def _picture(dataset: GraspDataset, attempt: str, stats: LabelStats, name: str) 
         picture=embedded_rgb(marked, width_px=WIDTH_PX),
         alt=f"Overhead picture of a failed attempt at {what}, the open jaws drawn in.",
         caption=f"{attempt}: {what}{often}; {recorded.failure or ended}.",
-        command=f"handsight dataset show {name} {attempt}",
+        command=f"handsight dataset show {name} {attempt} --picture attempt.png",
     )
 
 

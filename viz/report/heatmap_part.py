@@ -47,11 +47,11 @@ def heatmap_section(
     if overview is None or not overview.wrong:
         blocks.append(Note(text="No attempt has a label to compare predictions with."))
     else:
-        blocks.append(_wrong(overview, command))
+        blocks.append(_wrong(overview, command, f"--wrong -n {len(examples)}"))
     return Section(title=f"Heatmaps of {run}", blocks=tuple(blocks))
 
 
-def _wrong(overview: ForesightOverview, command: str) -> Gallery:
+def _wrong(overview: ForesightOverview, command: str, chosen: str) -> Gallery:
     learnt = "" if not overview.learnt else f" The network learnt from {overview.learnt} of them."
     return Gallery(
         title="Where the network is most wrong",
@@ -65,10 +65,11 @@ def _wrong(overview: ForesightOverview, command: str) -> Gallery:
                 picture=embedded_rgb(picture, width_px=WIDTH_PX),
                 alt=f"Overhead picture with the grasp that was tried, which {_happened(one)}.",
                 caption=f"{one.attempt}: predicted {one.score:.2f}, {_happened(one)}.",
+                command=f"{command} {one.attempt} --picture attempt.png",
             )
             for one, picture in zip(overview.wrong, overview.thumbnails, strict=False)
         ),
-        command=f"{command} --wrong",
+        command=f"{command} {chosen}",
     )
 
 

@@ -16,26 +16,24 @@ from handsight.viz.report.gallery import WIDTH_PX, marked_picture
 MOST_PICTURES = 12
 
 
-def failed_trials(recordings: Sequence[TrialRecording], *, text: str, command: str) -> Gallery | None:
+def failed_trials(recordings: Sequence[tuple[TrialRecording, str]], *, text: str) -> Gallery | None:
     """One picture of each trial; None where there is none.
 
     Args:
-        recordings: Trials that failed, of methods that servo.
+        recordings: Trials that failed, of methods that servo, each with the call that shows it step by step.
         text: How they were chosen.
-        command: The call that shows one of them step by step.
     """
-    pictures = tuple(map(_picture, recordings[:MOST_PICTURES]))
+    pictures = tuple(_picture(*one) for one in recordings[:MOST_PICTURES])
     if not pictures:
         return None
     return Gallery(
         title=f"{counted(len(pictures), 'trial')} that failed",
         text=f"{text} The mark is the pair of open jaws of the grasp, on the last picture before it.",
         pictures=pictures,
-        command=command,
     )
 
 
-def _picture(recording: TrialRecording) -> Figure:
+def _picture(recording: TrialRecording, command: str) -> Figure:
     trial, trace, station = recording.trial, recording.trace, recording.station
     last = trace.steps[-1]
     step = last.pose.step_to(trace.grasp_pose)
@@ -58,4 +56,5 @@ def _picture(recording: TrialRecording) -> Figure:
             f"{what}: S {trace.grasp_score:.2f}, {sure}, after {counted(trial.moves, 'move')}; "
             f"{trial.failure or cause}."
         ),
+        command=command,
     )

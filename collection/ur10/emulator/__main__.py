@@ -15,10 +15,12 @@ from handsight.collection.depth_noise import DepthNoise
 from handsight.collection.errors import CollectionError
 from handsight.collection.sim.config import D435_ON_GRIPPER, SimConfig
 from handsight.collection.station import Workspace
+from handsight.collection.ur10.emulator.board import Board
 from handsight.collection.ur10.emulator.camera import PORT as CAMERA_PORT
 from handsight.collection.ur10.emulator.camera import CameraSettings, MountedCamera
 from handsight.collection.ur10.emulator.errors import EmulatorError
 from handsight.collection.ur10.emulator.faults import Fault
+from handsight.collection.ur10.emulator.forces import Payload
 from handsight.collection.ur10.emulator.generation import E_SERIES, GENERATIONS
 from handsight.collection.ur10.emulator.launch import FASTEST, SLOWEST, Launch, end_with_parent, run
 from handsight.collection.ur10.emulator.rg2 import PORT as RG2_PORT
@@ -51,12 +53,15 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--control", type=int, metavar="PORT", help="port of the robot's address for faults")
     parser.add_argument("--objects", metavar="SET", help="object set; without one there is nothing but protocols")
     parser.add_argument("--objects-per-scene", type=int, default=5)
+    parser.add_argument("--empty", action="store_true", help="nothing lies on the table at first")
+    parser.add_argument("--board", action="store_true", help="a ChArUco board lies on the table")
     parser.add_argument("--gripper", default="2f-85")
     parser.add_argument("--rg2", metavar="ADDRESS[:PORT]", help="an OnRobot RG2 there, in place of the Robotiq")
     parser.add_argument("--workspace", metavar="X0,X1,Y0,Y1", help="where objects are dropped [m]")
     parser.add_argument("--mount", metavar="X,Y,Z,RX,RY,RZ", help="camera in the tool frame [m, rad]")
     parser.add_argument("--depth-noise", type=float, default=0.0, metavar="PX", help="of the disparity; 0 for none")
     parser.add_argument("--payload", type=float, default=1.3, metavar="KG", help="what really hangs on the flange")
+    parser.add_argument("--payload-centre", metavar="X,Y,Z", help="its centre of mass in the flange frame [m]")
     parser.add_argument("--speed", type=float, default=1.0, help="robot time per wall time, at most")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--faults-per-hour", type=float, default=0.0, help="at random, of robot time")
@@ -79,6 +84,7 @@ def launch_of(options: argparse.Namespace) -> Launch:
             wrong.append(str(error))
     area = _numbers("--workspace", options.workspace, 4, wrong)
     mount = _numbers("--mount", options.mount, 6, wrong)
+    centre = _numbers("--payload-centre", options.payload_centre, 3, wrong) or Payload().centre_m
     if options.camera is not None and options.objects is None:
         wrong.append("--camera is given without --objects, expected a world that it sees")
     if not SLOWEST <= options.speed <= FASTEST:
@@ -94,10 +100,17 @@ def launch_of(options: argparse.Namespace) -> Launch:
         seed=options.seed,
         rg2=None if options.rg2 is None else _place(options.rg2, RG2_PORT),
         faults_per_hour=options.faults_per_hour,
-        true_payload_kg=options.payload,
+        true_payload=Payload(options.payload, centre),
         camera=_camera(options, mount),
     )
-    return Launch(rig=rig, world=_world(options, area), control_port=options.control, faults=tuple(faults))
+    return Launch(
+        rig=rig,
+        world=_world(options, area),
+        empty=options.empty,
+        board=Board() if options.board else None,
+        control_port=options.control,
+        faults=tuple(faults),
+    )
 
 
 def _numbers(name: str, text: str | None, count: int, wrong: list[str]) -> tuple[float, ...] | None:

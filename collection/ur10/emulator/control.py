@@ -3,10 +3,10 @@
 ``{"do": "status"}`` tells clock, states, phase and what has gone wrong; ``scene`` where objects are; ``fault`` with
 ``"fault": "protective-stop@descend"`` lets something go wrong (``faults.py``), ``clear`` undoes it; ``release`` turns
 the emergency button back and leaves the safeguarded cell; ``refill`` puts lost objects back, with ``"everything":
-true`` drops all anew, with ``"exchange": true`` others of the set; ``put`` with ``object``, ``position_m`` and
-``angle_rad`` places one; ``board`` with the values of ``Board`` lays a calibration target, with ``"gone": true`` takes
-it away; ``camera-power-cycle`` switches its USB port; ``remote`` with ``"on"`` turns the key; ``speed`` with ``factor``
-changes the clock; ``stop`` ends the emulator.
+true`` drops all anew, with ``"exchange": true`` others of the set; ``empty`` takes all off the table; ``put`` with
+``object``, ``position_m`` and ``angle_rad`` places one; ``board`` with the values of ``Board`` lays a calibration
+target, with ``"gone": true`` takes it away; ``camera-power-cycle`` switches its USB port; ``remote`` with ``"on"``
+turns the key; ``speed`` with ``factor`` changes the clock; ``stop`` ends the emulator.
 What makes no sense is answered with ``{"error": ...}``.
 """
 
@@ -46,6 +46,7 @@ class Control:
             "clear": self._clear,
             "release": self._release,
             "refill": self._refill,
+            "empty": self._empty,
             "put": self._put,
             "board": self._board,
             "remote": self._remote,
@@ -85,7 +86,10 @@ class Control:
             "tcp_pose": [float(value) for value in rig.robot.pose],
             "flange_pose": [float(value) for value in vector_of(flange_pose(rig.world.joints_rad))],
             "tip_z_m": rig.robot.tip_z_m,
-            "lowest_tip_z_m": rig.robot.lowest_tip_z_m,
+            "moving": rig.robot.moving,
+            "travelled_m": [
+                [float(value) for value in end] for end in (rig.robot.travel.low_m, rig.robot.travel.high_m)
+            ],
             "force_n": rig.robot.sensor.wrench[:3],
             "gripper": {name: rig.gripper.get(name) for name in ("POS", "OBJ", "STA", "FLT")},
             "width_m": rig.world.width_m,
@@ -126,6 +130,9 @@ class Control:
         if values.get("exchange", False):
             return {"put_back": self._world().exchange()}
         return {"put_back": self._world().refill(everything=bool(values.get("everything", False)))}
+
+    def _empty(self, _: Values) -> Values:
+        return {"taken_away": self._world().clear()}
 
     def _put(self, values: Values) -> Values:
         world = self._world()

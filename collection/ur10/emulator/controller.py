@@ -15,12 +15,13 @@ from numpy.typing import NDArray
 
 from handsight.collection.errors import UnreachableError
 from handsight.collection.sim.kinematics import JOINT_LIMITS_RAD, flange_pose
-from handsight.collection.ur10.emulator.forces import ForceSensor
+from handsight.collection.ur10.emulator.forces import ForceSensor, Payload
 from handsight.collection.ur10.emulator.generation import Generation
 from handsight.collection.ur10.emulator.machine import Machine, RobotMode, Runtime, SafetyMode
 from handsight.collection.ur10.emulator.motion import Motion
 from handsight.collection.ur10.emulator.poses import FLANGE_TO_TIP, matrix_of, tcp_pose, vector_of
 from handsight.collection.ur10.emulator.program import Program
+from handsight.collection.ur10.emulator.travel import Travel
 from handsight.collection.ur10.emulator.variables import REGISTERS
 from handsight.collection.ur10.emulator.world import World
 
@@ -36,7 +37,9 @@ SERIAL = "2016350000"
 class Controller:
     """State of the robot, and what a period does to it."""
 
-    def __init__(self, generation: Generation, world: World, *, seed: int = 0, true_payload_kg: float = 1.3) -> None:
+    def __init__(
+        self, generation: Generation, world: World, *, seed: int = 0, true_payload: Payload | None = None
+    ) -> None:
         """A robot that is running, standing where ``world`` has it.
 
         ``clock_s`` counts on when the controller starts anew; the ``timestamp`` that clients read begins at zero.
@@ -45,7 +48,7 @@ class Controller:
             generation: Which controller.
             world: What the arm acts on.
             seed: Of the noise.
-            true_payload_kg: What really hangs on the flange; the controller is told by ``setPayload``.
+            true_payload: What really hangs on the flange; the controller is told by ``setPayload``.
         """
         self.generation = generation
         self.world = world
@@ -55,7 +58,8 @@ class Controller:
         self.tcp_offset = np.eye(4)
         self.payload_kg = 0.0
         self.payload_cog_m: tuple[float, ...] = (0.0, 0.0, 0.0)
-        self.sensor = ForceSensor(generation, np.random.default_rng([seed, 30004]), true_payload_kg=true_payload_kg)
+        rng = np.random.default_rng([seed, 30004])
+        self.sensor = ForceSensor(generation, rng, true_payload=true_payload or Payload())
         self.inputs: dict[str, Any] = {}
         self.ints_in = [0] * REGISTERS
         self.doubles_in = [0.0] * REGISTERS
@@ -66,8 +70,8 @@ class Controller:
         self.program: Program | None = None
         self.motion: Motion | None = None
         self.target_rad: NDArray[np.float64] = world.joints_rad.copy()
-        self.lowest_tip_z_m = float(tcp_pose(self.target_rad, FLANGE_TO_TIP)[2, 3])
-        """Lowest that the fingertips have ever been."""
+        self.travel = Travel(self.target_rad)
+        """Where the fingertips have ever been."""
         self.overheated_joint: int | None = None
         self.watchdog_hz = 0.0
         self.clock_factor = 1.0
@@ -110,7 +114,7 @@ class Controller:
         self.target_rad = self.world.joints_rad.copy()
         self.machine.power_off()
         self.set_tcp(np.zeros(6))
-        self.payload_kg = 0.0
+        self.payload_kg, self.payload_cog_m = 0.0, (0.0, 0.0, 0.0)
         self._booted_s = self.clock_s
 
     def feed(self) -> None:
@@ -142,7 +146,7 @@ class Controller:
             self.stop_program()
 
     def _move(self) -> None:
-        if self.machine.runtime is Runtime.PAUSED or self.machine.mode is not RobotMode.RUNNING:
+        if self._held:
             self.motion = None if self.machine.mode is not RobotMode.RUNNING else self.motion
         elif self.motion is not None:
             try:
@@ -158,6 +162,8 @@ class Controller:
             self.target_rad = np.clip(self.target_rad, -JOINT_LIMITS_RAD, JOINT_LIMITS_RAD)
             self.protective_stop("C158: a joint is at its limit")
         self.world.advance(self.period_s, self.target_rad)
+        if self.motion is not None:
+            self.travel.see(self.period_s, self.world.joints_rad)
 
     def observe(self) -> None:
         """Take the readings that clients are sent; once for several periods where time runs fast."""
@@ -177,9 +183,13 @@ class Controller:
             self._pose = tcp_pose(joints_rad, self.tcp_offset)
             self._pose_vector = vector_of(self._pose)
             self._tool_speed[:3] = (self._pose[:3, 3] - before_m) / seconds
-            self.lowest_tip_z_m = min(self.lowest_tip_z_m, self.tip_z_m)
         self.sensor.read(
-            seconds, joints_rad=joints_rad, acceleration_rad_s2=acceleration_rad_s2, payload_kg=self.payload_kg
+            seconds,
+            joints_rad=joints_rad,
+            acceleration_rad_s2=acceleration_rad_s2,
+            pose_base_tool=self._pose,
+            tool_m=self.tcp_offset[:3, 3],
+            told=Payload(self.payload_kg, self.payload_cog_m),
         )
 
     def _guard(self) -> None:
@@ -195,7 +205,17 @@ class Controller:
             self.protective_stop("C157: the position deviates from the path")
             self.motion, self.target_rad = None, self.world.joints_rad.copy()
 
+    @property
+    def _held(self) -> bool:
+        """Whether the arm stands, whatever motion is under way."""
+        return self.machine.runtime is Runtime.PAUSED or self.machine.mode is not RobotMode.RUNNING
+
     # What can be read.
+
+    @property
+    def moving(self) -> bool:
+        """Whether the arm is sent somewhere."""
+        return self.motion is not None and not self._held
 
     @property
     def pose(self) -> NDArray[np.float64]:

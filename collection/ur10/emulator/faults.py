@@ -4,14 +4,15 @@ A fault is written ``NAME[:KEY=VALUE,...][@WHEN]``: ``protective-stop@descend``,
 ``force-noise:n=15``, ``drop@z<0.05``. ``WHEN`` is a phase, ``z<METRES``, ``z>METRES``, ``force>NEWTONS`` or
 ``t>SECONDS`` of the robot's clock.
 
-Phases are told from what arm and jaws do: ``reach`` is any motion with open jaws but down, ``descend`` down with open
-jaws, ``close`` and ``release`` the jaws' own motion, ``lift`` up and ``shake`` any other motion with closed jaws,
-``look`` a picture asked for while the arm stands, ``rest`` all else.
+Phases are told from what arm and jaws do: ``descend`` is a motion straight down with open jaws, ``reach`` any other one
+with open jaws, ``close`` and ``release`` the jaws' own motion, ``lift`` up and ``shake`` any other motion with closed
+jaws, ``look`` a picture asked for while the arm stands, ``rest`` all else.
 """
 
 from __future__ import annotations
 
 import asyncio
+import math
 import os
 import re
 from collections.abc import Callable, Mapping
@@ -28,6 +29,8 @@ if TYPE_CHECKING:
 PHASES = ("rest", "look", "reach", "descend", "close", "lift", "shake", "release")
 VERTICAL_M_S = 0.008
 """A tool that moves up or down at less is not lifted or lowered."""
+SIDEWAYS_SHARE = 0.1
+"""A tool that goes down and sideways beyond so much of it is on its way to where it descends."""
 MOVING_M_S = 0.002
 LOOK_S = 0.3
 """A picture is being taken for so long after it was asked for."""
@@ -163,7 +166,9 @@ class Faults:
             return "look" if robot.clock_s < self._looking_until_s else "rest"
         if gripper.closed:
             return "lift" if speed_m_s[2] > VERTICAL_M_S else "shake"
-        return "descend" if speed_m_s[2] < -VERTICAL_M_S and abs(speed_m_s[2]) > abs(speed_m_s[0]) else "reach"
+        sideways_m_s = math.hypot(*speed_m_s[:2])
+        straight = sideways_m_s < SIDEWAYS_SHARE * abs(speed_m_s[2])
+        return "descend" if speed_m_s[2] < -VERTICAL_M_S and straight else "reach"
 
     def _watch_camera(self) -> None:
         asked = self._rig.camera.asked if self._rig.camera is not None else 0

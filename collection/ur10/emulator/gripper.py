@@ -19,7 +19,7 @@ SLOWEST_M_S, FASTEST_M_S = 0.020, 0.150
 """Speed of the jaws against each other at SPE 0 and 255 (manual of the 2F-85)."""
 ACTIVATION_S = 1.5
 STALLED_M_S = 0.004
-STALLED_S = 0.04
+STALLED_S = 0.06
 """Jaws slower than this for so long have met something."""
 EMPTY_COUNT = 227
 """From here on nothing is between the pads."""

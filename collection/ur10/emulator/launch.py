@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from handsight.collection.sim.config import SimConfig
+from handsight.collection.ur10.emulator.board import Board
 from handsight.collection.ur10.emulator.control import Control
 from handsight.collection.ur10.emulator.errors import EmulatorError
 from handsight.collection.ur10.emulator.faults import Fault
@@ -30,6 +31,10 @@ class Launch:
     rig: RigSettings
     world: SimConfig | None = None
     """Objects and their physics; None for bare protocols."""
+    empty: bool = False
+    """Nothing lies on the table; the objects of the world come by ``{"do": "refill", "exchange": true}``."""
+    board: Board | None = None
+    """A calibration target on the table."""
     control_port: int | None = None
     faults: tuple[Fault, ...] = ()
 
@@ -42,7 +47,7 @@ def run(launch: Launch, announce: Callable[[Mapping[str, object]], None]) -> Non
         announce: Told once everything listens.
 
     Raises:
-        EmulatorError: An address or a port cannot be had.
+        EmulatorError: An address or a port cannot be had, or a board is laid where no camera sees it.
         CollectionError: The world cannot be made.
     """
     world: World = (
@@ -50,12 +55,18 @@ def run(launch: Launch, announce: Callable[[Mapping[str, object]], None]) -> Non
         if launch.world is None
         else PhysicalWorld(launch.world, launch.rig.seed)
     )
+    if launch.empty and isinstance(world, PhysicalWorld):
+        world.clear()
     asyncio.run(_serve(launch, world, announce))
 
 
 async def _serve(launch: Launch, world: World, announce: Callable[[Mapping[str, object]], None]) -> None:
     stopped = asyncio.Event()
     rig = EmulatedRig(launch.rig, world)
+    if launch.board is not None:
+        if rig.camera is None:
+            raise EmulatorError("a board is laid and there is no camera, expected one that sees it")
+        rig.camera.board = launch.board
     control = None
     if launch.control_port is not None:
         control = Control(rig, launch.rig.robot, launch.control_port, stopped.set)

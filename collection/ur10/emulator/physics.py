@@ -11,6 +11,8 @@ while the jaws close it holds the simulator's 15 N, so that grasps fare as they 
 from __future__ import annotations
 
 import math
+from collections import deque
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +35,9 @@ ARM_YIELD_N = 45.0
 QUIET_AFTER_S = 0.5
 """With arm and jaws at rest for so long, and every object too, physics is left out until something is moved."""
 JAWS_REST_M_S = 0.002
+JAWS_WATCHED_S = 0.05
+"""The speed of the jaws is that from one mean position to the next, each over so long: pressed onto something they
+tremble by half a millimetre, at speeds that would pass for motion."""
 SLEEP_EVERY_S = 0.25
 SLIP_S = 0.25
 SLIP_SPEED_M_S = 0.1
@@ -69,6 +74,8 @@ class PhysicalWorld:
         self._slip_left_s = 0.0
         self._measured_rad: NDArray[np.float64] = self.arm.joints_rad
         self._measured_rad_s = np.zeros(6)
+        count = 2 * round(JAWS_WATCHED_S * config.physics_hz)
+        self._widths_m = deque([self.arm.hand.width_m] * count, maxlen=count)
         self._jaw_speed_m_s = 0.0
         self._read()
 
@@ -125,7 +132,7 @@ class PhysicalWorld:
 
     @property
     def jaw_speed_m_s(self) -> float:
-        """Speed of the jaws against each other [m/s], of late."""
+        """How far the jaws have moved against each other of late, by how long that took [m/s]."""
         return self._jaw_speed_m_s
 
     @property
@@ -146,7 +153,6 @@ class PhysicalWorld:
         self._still_s = 0.0 if moves or self._jaw_speed_m_s > JAWS_REST_M_S else self._still_s + seconds
         if self.quiet:
             if self._all_rest():
-                self._jaw_speed_m_s = 0.0
                 return
             self._still_s = 0.0
         speed_rad_s = (joints_rad - start_rad) / seconds
@@ -178,7 +184,10 @@ class PhysicalWorld:
         self._measured_rad = self._joints_rad = self.arm.joints_rad
         self._contact_n = hand.contact_n
         self._width_m = hand.width_m
-        self._jaw_speed_m_s = 2 * hand.finger_speed_m_s
+        self._widths_m.append(self._width_m)
+        half = len(self._widths_m) // 2
+        moved_m = sum(islice(self._widths_m, half, None)) - sum(islice(self._widths_m, half))
+        self._jaw_speed_m_s = abs(moved_m) / half / JAWS_WATCHED_S
 
     def _all_rest(self) -> bool:
         return all(map(self.scene.rests, self.scene.bodies))
@@ -236,18 +245,26 @@ class PhysicalWorld:
         self._still_s = 0.0
         return len(bodies)
 
-    def exchange(self) -> int:
-        """Take away all objects that are not held, and drop others of the set; returns how many."""
+    def clear(self) -> int:
+        """Take away all objects that are not held; returns how many."""
         held = set(self.held())
         kept = [pair for pair in zip(self.scene.bodies, self.object_ids, strict=True) if pair[0] in held]
-        for body in [body for body in self.scene.bodies if body not in held]:
+        gone = [body for body in self.scene.bodies if body not in held]
+        for body in gone:
             self.scene.remove(body)
-        count = self.config.objects_per_scene - len(kept)
-        names = [name for _, name in kept]
+        self.object_ids = [name for _, name in kept]
+        self._still_s = 0.0
+        return len(gone)
+
+    def exchange(self) -> int:
+        """Take away all objects that are not held, and drop others of the set; returns how many."""
+        self.clear()
+        names = list(self.object_ids)
+        count = self.config.objects_per_scene - len(names)
         others = [model for model in self._models if model.object_id not in names]
         chosen = [others[index] for index in self._rng.choice(len(others), size=count, replace=False)]
         self.scene.drop(chosen, self._rng, Randomization())
-        for body in self.scene.bodies[len(kept) :]:
+        for body in self.scene.bodies[len(names) :]:
             self.scene.put(body, self._free_place(body), random_rotation(self._rng))
         self.object_ids = [*names, *(model.object_id for model in chosen)]
         self._still_s = 0.0

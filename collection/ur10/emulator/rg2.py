@@ -21,7 +21,7 @@ GRIP, STOP, GRIP_WITH_OFFSET = 1, 8, 16
 BUSY, DETECTED, SAFETY_SWITCH = 0b1, 0b10, 0b100
 SPEED_M_S = 0.11
 """Of the jaws against each other; the data sheet's figure."""
-STALLED_M_S, STALLED_S = 0.004, 0.04
+STALLED_M_S, STALLED_S = 0.004, 0.06
 ARRIVED_M = 0.0004
 DETECTED_M = 0.001
 """What stops the jaws so far before their target is an object."""

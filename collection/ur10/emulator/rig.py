@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from handsight.collection.ur10.emulator.clock import CARRIED_N, TOUCHING_N, Cloc
 from handsight.collection.ur10.emulator.controller import Controller
 from handsight.collection.ur10.emulator.dashboard import Dashboard
 from handsight.collection.ur10.emulator.faults import Faults
+from handsight.collection.ur10.emulator.forces import Payload
 from handsight.collection.ur10.emulator.generation import Generation
 from handsight.collection.ur10.emulator.gripper import Gripper
 from handsight.collection.ur10.emulator.network import Network
@@ -33,7 +34,7 @@ class RigSettings:
     speed: float = 1.0
     """How many times faster than the wall's the robot's clock may run."""
     seed: int = 0
-    true_payload_kg: float = 1.3
+    true_payload: Payload = field(default_factory=Payload)
     rg2: tuple[str, int] | None = None
     """Address and port of an OnRobot RG2, which then takes the place of the Robotiq."""
     faults_per_hour: float = 0.0
@@ -51,7 +52,7 @@ class EmulatedRig:
         self.world = world
         self.network = Network(settings.robot)
         self.robot: Controller = Controller(
-            settings.generation, world, seed=settings.seed, true_payload_kg=settings.true_payload_kg
+            settings.generation, world, seed=settings.seed, true_payload=settings.true_payload
         )
         self.dashboard = Dashboard(self.robot, self.network)
         self.rtde = RtdeServer(self.robot, self.network)

@@ -41,9 +41,10 @@ def test_the_first_cards_are_drawn_into_a_file(lab: Path, capsys: pytest.Capture
     assert colours(read_picture(lab.parent / "cards.png")) > 300
 
 
-def test_the_page_is_served_on_the_loopback_and_nothing_is_left_behind(lab: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("way", ["--web", "--notebook"])
+def test_the_page_is_served_on_the_loopback_and_nothing_is_left_behind(lab: Path, tmp_path: Path, way: str) -> None:
     program = "from handsight.cli.app import main; main()"
-    command = [sys.executable, "-P", "-c", program, "view", "dataset", "lab", "--web", "--json"]
+    command = [sys.executable, "-P", "-c", program, "view", "dataset", "lab", way, "--json"]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     try:
         assert process.stdout is not None
@@ -56,6 +57,8 @@ def test_the_page_is_served_on_the_loopback_and_nothing_is_left_behind(lab: Path
         assert re.match(
             r"http://127\.0\.0\.1:\d+/\?url=rerun%2Bhttp%3A%2F%2F127\.0\.0\.1%3A\d+%2Fentry%2F", told["page"]
         )
+        assert told.get("cell", told["page"]).count(told["page"]) == 1
+        assert ("cell" in told) == (way == "--notebook")
         with urllib.request.urlopen(told["page"], timeout=LIMIT_S) as page:
             assert b"<html" in page.read()
         children = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
@@ -74,6 +77,7 @@ def test_newcomers_mistakes_are_answered_in_one_line(lab: Path, capsys: pytest.C
         "view dataset lab 3 --where success --web": "attempts are named and --where",
         "view dataset lab --suspect --sort number --web": "expected one order at most",
         "view dataset lab --web --picture x.png": "expected one of them",
+        "view dataset lab --web --notebook": "--web and --notebook are given, expected one of them",
         "view dataset lab --like 3 --web": "add --model RUN",
         "view dataset lab --picture x.jpg": "expected a file name that ends in .png",
         "view dataset lab --web --sort targt": "there is no column 'targt'",

@@ -45,6 +45,14 @@ def test_what_hangs_is_killed_and_replaced(child: SupervisedChild) -> None:
     assert child.respawns == 1
 
 
+def test_what_hangs_is_told_from_what_works(child: SupervisedChild) -> None:
+    child.start()
+    assert child.ask("work", 6, timeout_s=LONG_S, silence_s=1.2) == 6
+    with pytest.raises(DeviceLostError, match=r"work_then_hang said nothing for 1.2 s"):
+        child.ask("work_then_hang", 3, timeout_s=LONG_S, silence_s=1.2)
+    assert child.ask("count", timeout_s=LONG_S) == 1
+
+
 def test_a_crash_is_told_with_its_signal(child: SupervisedChild) -> None:
     with pytest.raises(DeviceLostError, match="status -11"):
         child.ask("die", timeout_s=LONG_S)

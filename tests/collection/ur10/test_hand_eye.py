@@ -94,11 +94,48 @@ def test_nothing_measured_yet_is_no_error_until_it_is_needed(tmp_path: Path) -> 
         check_calibration(Calibration(), tmp_path / "none.json", "")
 
 
-@pytest.mark.parametrize("damage", ["[]", "{", '{"camera": {"serial": 1}}', '{"table": {"colour": 1}}'])
-def test_a_damaged_file_is_refused(tmp_path: Path, damage: str) -> None:
+@pytest.mark.parametrize(
+    ("damage", "told"),
+    [
+        ("[]", "it is a list of 0, expected an object with camera"),
+        ("{", "cannot be read"),
+        ("[" * 100_000, "cannot be read"),
+        ('{"camera": 3}', "camera is 3, expected an object with date"),
+        ('{"camera": {"serial": 1}}', "camera.serial is 1, expected text"),
+        ('{"table": {"colour": 1}}', "table.fields 'colour' are unknown"),
+        ('{"jaws": null, "plane": {}}', "fields 'plane' are unknown"),
+    ],
+)
+def test_a_damaged_file_is_refused(tmp_path: Path, damage: str, told: str) -> None:
     (tmp_path / "c.json").write_text(damage, encoding="utf-8")
-    with pytest.raises(RigSettingsError, match=r"calibration .*c\.json"):
+    with pytest.raises(RigSettingsError, match=r"calibration .*c\.json") as refused:
         load_calibration(tmp_path / "c.json")
+    assert told in str(refused.value)
+
+
+def test_every_value_that_no_rig_has_is_told_at_once(tmp_path: Path) -> None:
+    values = true_calibration().to_json()
+    values["camera"] |= {"translation_m": [0.0, -55.0, -0.1], "residual_m": float("nan"), "views": -1}
+    values["table"] = {"date": "x", "height_m": 12.0, "tilt_rad": 0.0, "residual_m": 0.0, "points": 5}
+    (tmp_path / "c.json").write_text(json.dumps(values), encoding="utf-8")
+    with pytest.raises(RigSettingsError, match="calibrate anew") as refused:
+        load_calibration(tmp_path / "c.json")
+    for part in ("translation_m is -55.0", "residual_m is nan", "views is -1", "height_m is 12.0, expected -2 to 2"):
+        assert part in str(refused.value)
+
+
+def test_a_file_that_was_changed_by_hand_is_told_from_what_was_measured(tmp_path: Path) -> None:
+    path = tmp_path / "c.json"
+    kept = true_calibration()
+    save_calibration(path, kept)
+    values = json.loads(path.read_text(encoding="utf-8"))
+    values["camera"]["translation_m"][1] += 0.01
+    path.write_text(json.dumps(values), encoding="utf-8")
+    with pytest.raises(RigSettingsError, match=f"id is '{kept.id}', expected"):
+        load_calibration(path)
+    del values["id"]
+    path.write_text(json.dumps(values), encoding="utf-8")
+    assert load_calibration(path).id != kept.id
 
 
 def test_another_camera_and_a_camera_that_is_mounted_askew_are_both_told(tmp_path: Path) -> None:

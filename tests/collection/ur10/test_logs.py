@@ -7,8 +7,11 @@ import struct
 import sys
 from pathlib import Path
 
+import pytest
 from tests.support.line_server import answering
+from tests.support.small_disk import files_of_at_most
 
+from handsight.collection.errors import RigPausedError
 from handsight.collection.ur10.alarm import sound_alarm
 from handsight.collection.ur10.kinematics import checksums_in, kinematics_id
 from handsight.collection.ur10.logs import Heartbeat, OperatorLog
@@ -51,6 +54,14 @@ def test_the_heartbeat_is_one_whole_file(tmp_path: Path) -> None:
     values = json.loads(heartbeat.path.read_text(encoding="utf-8"))
     assert (values["state"], values["reason"]) == ("paused", "refill")
     assert [path.name for path in heartbeat.path.parent.iterdir()] == ["heartbeat.json"]
+
+
+@pytest.mark.parametrize("what", ["log", "heartbeat"])
+def test_a_rig_that_cannot_write_pauses(tmp_path: Path, what: str) -> None:
+    log, heartbeat = OperatorLog(tmp_path / "log.jsonl", who="ana"), Heartbeat(tmp_path / "heartbeat.json")
+    name = "log.jsonl" if what == "log" else "heartbeat.json"
+    with files_of_at_most(0), pytest.raises(RigPausedError, match=f"{name} cannot be written .*--resume"):
+        log.note("refilled") if what == "log" else heartbeat.beat("working")
 
 
 def test_the_operator_log_says_who_when_and_what(tmp_path: Path) -> None:

@@ -61,7 +61,7 @@ def test_every_fault_is_told_at_once(tmp_path: Path) -> None:
         ("y_max_m = 0.15", "y_max_m = -0.2", "workspace.y runs from -0.15 to -0.2 m"),
         ("closed_count = 228", "closed_count = 0", "gripper.open_count is 0"),
         ("stale_s = 2.0", "stale_s = nan", "robot.stale_s is nan, expected a number"),
-        ("stale_s = 2.0", "stale_s = true", "robot.stale_s is True, expected a number"),
+        ("stale_s = 2.0", "stale_s = true", "robot.stale_s is true, expected a number"),
         ("centre_of_mass_m = [0.0, 0.0, 0.06]", "centre_of_mass_m = [0.0, 60.0]", "expected a list of 3 numbers"),
     ],
 )

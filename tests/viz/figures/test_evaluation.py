@@ -23,3 +23,8 @@ def test_every_figure_is_drawn_and_equal_results_give_equal_bytes(tmp_path: Path
 def test_where_nothing_servoed_there_are_rates_alone(tmp_path: Path) -> None:
     results = {**make_evaluation(), "durations": [], "calibration": []}
     assert {path.stem for path in evaluation_figures(results, tmp_path)} == {"results", "table"}
+
+
+def test_a_rig_stands_beside_the_second_table_of_the_paper(tmp_path: Path) -> None:
+    evaluation_figures(make_evaluation(), tmp_path, source="ur10")
+    assert "paper, Table II" in (tmp_path / "table.svg").read_text(encoding="utf-8")

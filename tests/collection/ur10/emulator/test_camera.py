@@ -63,13 +63,32 @@ def test_frames_are_new_ones_of_what_is_there(rig: RunningRig) -> None:
     assert np.median(first.depth) * 0.001 == pytest.approx(height_m, abs=0.003)
 
 
+def charuco(board: Board) -> cv2.aruco.CharucoBoard:
+    words = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
+    return cv2.aruco.CharucoBoard((board.columns, board.rows), board.square_m, board.marker_m, words)
+
+
+def found(target: cv2.aruco.CharucoBoard, rig: RunningRig) -> tuple[np.ndarray, np.ndarray]:
+    """Corners in the next picture, and which they are."""
+    (frame,) = frames(rig, 1)
+    grey = cv2.cvtColor(frame.rgb, cv2.COLOR_RGB2GRAY)
+    corners, ids, _, _ = cv2.aruco.CharucoDetector(target).detectBoard(grey)
+    return np.asarray(corners), np.asarray(ids)
+
+
+def test_board_lies_on_an_empty_table_from_the_start() -> None:
+    with running_rig("--objects", "blocks-test", "--empty", "--board", camera=True) as rig:
+        assert rig.do("scene") == {"objects": []}
+        _, ids = found(charuco(Board()), rig)
+        assert len(ids) == (Board().columns - 1) * (Board().rows - 1)
+        assert rig.do("refill", exchange=True) == {"put_back": 5}
+
+
 def test_board_is_found_where_it_lies(rig: RunningRig) -> None:
     board = Board(x_m=0.62, y_m=0.05, angle_rad=0.3)
     rig.do("board", x_m=board.x_m, y_m=board.y_m, angle_rad=board.angle_rad)
-    (frame,) = frames(rig, 1)
-    words = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
-    target = cv2.aruco.CharucoBoard((board.columns, board.rows), board.square_m, board.marker_m, words)
-    corners, ids, _, _ = cv2.aruco.CharucoDetector(target).detectBoard(cv2.cvtColor(frame.rgb, cv2.COLOR_RGB2GRAY))
+    target = charuco(board)
+    corners, ids = found(target, rig)
     assert len(ids) == (board.columns - 1) * (board.rows - 1)
     on_board_m, seen_px = target.matchImagePoints(list(corners), ids)
     k = D435_ON_GRIPPER.intrinsics

@@ -47,6 +47,15 @@ def test_fault_waits_for_its_phase(e_series: EmulatedRig) -> None:
     assert height_m - e_series.robot.pose[2] < 0.05
 
 
+def test_way_to_where_it_descends_is_no_descent(e_series: EmulatedRig) -> None:
+    start(e_series)
+    e_series.faults.arm(Fault.parse("protective-stop@descend"))
+    aslant = list(lowered(e_series, 0.1))
+    aslant[1] += 0.05
+    call(e_series, 3, (*aslant, 0.1, 0.5), (0,))
+    assert e_series.faults.fired == []
+
+
 def test_fault_waits_for_a_height(e_series: EmulatedRig) -> None:
     start(e_series)
     limit_m = e_series.robot.tip_z_m - 0.05

@@ -15,17 +15,23 @@ from tests.support.rig_files import SERIAL, true_calibration, write_rig_file
 from handsight.cli.app import run
 from handsight.collection.sim.config import D435_ON_GRIPPER
 from handsight.collection.ur10.calibration import load_calibration, save_calibration
+from handsight.collection.ur10.rig_file import load_rig
+from handsight.collection.ur10.station import Ur10StationFactory
 from handsight.datasets import GraspDataset
 
 BESIDE_M = (0.45, 0.3, 0.03)
 """On the table, and out of the workspace of the rig's file."""
+
+PAYLOAD_KG, CENTRE_M = 1.45, (0.01, -0.015, 0.07)
+"""What really hangs on the flange; the rig's file says 1.3 kg at 0.06 m."""
 
 
 @pytest.fixture(scope="module", params=["e-series", "cb3"])
 def running(request: pytest.FixtureRequest) -> Iterator[RunningRig]:
     need_ur_rtde()
     options = ("--generation", request.param, "--objects", "blocks-test", "--objects-per-scene", "1", "--speed", "8")
-    with running_rig(*options, camera=True) as rig:
+    payload = ("--payload", str(PAYLOAD_KG), "--payload-centre", ",".join(map(str, CENTRE_M)))
+    with running_rig(*options, *payload, camera=True) as rig:
         rig.do("put", object=0, position_m=BESIDE_M)
         yield rig
 
@@ -84,6 +90,27 @@ def test_bring_up_from_an_uncalibrated_rig_to_a_dry_run(
     assert attempt.outcome == "empty"
     notes = (file.parent / "operator_log.jsonl").read_text(encoding="utf-8")
     assert notes.count('"calibrated"') == 3
+
+
+def test_payload_and_reach_are_measured(running: RunningRig, file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    before = running.do("status")["flange_pose"]
+    reach = said(capsys, "calibrate", "reach", "--rig", str(file))["reach"]
+    assert (reach["x_min_m"], reach["y_min_m"], len(reach["rows"])) == (0.5, -0.15, 15)
+    assert set("".join(reach["rows"])) == {"#"}
+    assert running.do("status")["flange_pose"] == pytest.approx(before, abs=1e-4)
+    if running.generation == "cb3":
+        assert run(["rig", "calibrate", "payload", "--rig", str(file)]) == 2
+        assert "no force sensor to weigh with" in capsys.readouterr().err
+        return
+    payload = said(capsys, "calibrate", "payload", "--rig", str(file))["payload"]
+    findings = found(said(capsys, "check", "--rig", str(file), status=1), "calibration")
+    assert findings["payload"] == (True, f"{payload['mass_kg']:.2f} kg of {payload['date']}")
+    assert findings["reach"] == (True, f"100% of the workspace, {reach['date']}")
+    assert payload["mass_kg"] == pytest.approx(PAYLOAD_KG, abs=0.03)
+    assert payload["centre_of_mass_m"] == pytest.approx(CENTRE_M, abs=0.006)
+    factory = Ur10StationFactory.of(load_rig(file))
+    assert factory.rig.robot.payload_kg == payload["mass_kg"]
+    assert factory.settings()["calibration"] == load_calibration(file.parent / "calibration.json").to_json()
 
 
 def test_check_tells_every_device_at_fault_at_once(
