@@ -19,7 +19,7 @@ from handsight.training.search import run as run_module
 from handsight.training.search import study as study_module
 from handsight.training.search.plan import SPACE, SearchPlan, recipe_at, settle_search, values_of
 from handsight.training.search.run import ProposalTask, run_search
-from handsight.training.search.study import STUDY, SearchStudy, check_optuna
+from handsight.training.search.study import PROPOSALS, STUDY, SearchStudy, check_optuna
 from handsight.training.search.table import BEST, TABLE, ProposalRow, best_row, proposal_rows, write_search
 from handsight.training.settings import TrainSettings
 from handsight.training.sweep.prepare import settle
@@ -153,9 +153,11 @@ def test_a_search_that_is_stopped_again_and_again_ends_as_if_it_had_not(
     best = json.loads((tmp_path / "whole" / BEST).read_text())
     assert best["number"] == min((row for row in whole if row.state == "done"), key=lambda row: row.loss or 0).number
     assert recipe_at(best["values"], USUAL).learning_rate == best["settings"]["learning_rate"]
-    # More can be asked for, and a search that has them all does nothing.
+    # More can be asked for, and a search that has them all does nothing but clear up behind a process that was killed.
+    (tmp_path / "stopped" / PROPOSALS / "0003.lock").touch()
     assert len(searched(plan, tmp_path / "whole", proposals=17)) == 17
     assert searched(plan, tmp_path / "stopped", proposals=16, stop=1) == whole
+    assert not list((tmp_path / "stopped").rglob("*.lock"))
 
 
 def test_another_seed_proposes_something_else(

@@ -185,7 +185,9 @@ class _Judges:
         folder = proposal_folder(self._folder, proposal, recipe)
         judged = _Judged(proposal=proposal, recipe=recipe, folder=folder, lock=lock, results={})
         self.active[proposal.number] = judged
-        judged.results = {cell.trial: result for cell, result in folder.results(self._cells).items()}
+        for cell, result in folder.results(self._cells).items():
+            folder.tidy(cell)
+            judged.results[cell.trial] = result
         self._judge(judged)
         self._let_go(judged)
         return judged

@@ -118,6 +118,8 @@ class SearchStudy:
                     # A process that was killed between two lines has left the rest of its parameters to be said.
                     self._study_trial(trial.number, finish_params=True)
                     return self._proposal(trial.number), held
+                if trial.state.is_finished() and self._lock_path(trial.number).exists():
+                    remove_abandoned(self._lock_path(trial.number))  # of a process that was killed just after
             if not any(_STATES[trial.state.name] == "left" for trial in trials):
                 if len(trials) >= most:
                     return None

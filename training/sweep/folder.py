@@ -80,6 +80,14 @@ class SweepFolder:
         clear_unfinished(folder)
         return held
 
+    def tidy(self, cell: Cell) -> None:
+        """Take away what a process that was killed just after a cell was done has left beside its metrics."""
+        lock = lock_of(self.cell_folder(cell))
+        if lock.exists() and not remove_abandoned(lock):
+            return  # it is at it
+        (self.cell_folder(cell) / FAILURE).unlink(missing_ok=True)
+        self.checkpoint(cell).unlink(missing_ok=True)
+
     def write_config(self, cell: Cell, config: Mapping[str, Any]) -> None:
         """Say what is trained, before it is."""
         _write_json(self.cell_folder(cell) / CONFIG, {"cell": asdict(cell), **config})

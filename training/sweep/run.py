@@ -69,7 +69,10 @@ def run_sweep(
 
     def claimed() -> Iterator[CellTask]:
         for cell in cells:
-            if folder.state(cell) == "left" and (lock := folder.claim(cell)) is not None:
+            state = folder.state(cell)
+            if state == "done":
+                folder.tidy(cell)
+            elif state == "left" and (lock := folder.claim(cell)) is not None:
                 held[cell] = lock
                 recipe = cell.settings(plan.recipe, plan.training_seed(cell.trial))
                 folder.write_config(cell, {"settings": asdict(recipe), "handsight": __version__})

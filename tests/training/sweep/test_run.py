@@ -14,12 +14,13 @@ import numpy as np
 import pytest
 from tests.support.swept import Threads, make_swept, swept_plan
 
+from handsight.datasets.held import HeldFile, lock_of
 from handsight.datasets.inputs.materialize import GraspInputs
 from handsight.jobs.engine import LOCAL
 from handsight.training.errors import DivergedError, SweepPlanError
 from handsight.training.sweep import run as run_module
 from handsight.training.sweep.cell import Cell
-from handsight.training.sweep.folder import METRICS, SweepFolder
+from handsight.training.sweep.folder import FAILURE, METRICS, SweepFolder
 from handsight.training.sweep.plan import SweepPlan
 from handsight.training.sweep.prepare import settle
 from handsight.training.sweep.result import CellResult
@@ -112,6 +113,27 @@ def test_more_trials_leave_those_that_are_there_as_they_are(
     found = figures(folder, more)
     assert len(found) == 16
     assert {name: found[name] for name in whole} == whole
+
+
+def test_what_a_process_left_that_was_killed_once_a_cell_was_done_is_taken_away(
+    plan: SweepPlan, tmp_path: Path
+) -> None:
+    """Between the metrics and the end of the cell; another process that is just there is left alone."""
+    folder = SweepFolder(tmp_path)
+    settle(tmp_path, plan)
+    chosen = chosen_by(["rgb:12"], plan)
+    run_sweep(plan, folder, workers=1, engine=Threads(), chosen=chosen)
+    killed, alive, _ = (cell for cell in plan.cells() if chosen(cell))
+    for cell in (killed, alive):
+        folder.checkpoint(cell).write_bytes(b"half")
+        (folder.cell_folder(cell) / FAILURE).write_text("{}")
+    lock_of(folder.cell_folder(killed)).touch()
+    held = HeldFile(lock_of(folder.cell_folder(alive)))
+    assert run_sweep(plan, folder, workers=1, engine=Threads(), chosen=chosen).trained == 0
+    assert [path.name for path in tmp_path.rglob("*.lock")] == [f"{alive.name}.lock"]
+    assert [path.parent.name for path in tmp_path.rglob("*.ckpt")] == [alive.name]
+    assert [path.parent.name for path in tmp_path.rglob(FAILURE)] == [alive.name]
+    held.release()
 
 
 def test_cells_of_other_processes_are_left_to_them(plan: SweepPlan, tmp_path: Path) -> None:
