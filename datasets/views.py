@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from handsight.datasets.records import RgbdFrame, StationSpec
-from handsight.servoing.homography import InputGrid
 from handsight.servoing.view import View
+
+if TYPE_CHECKING:
+    # PyTorch takes seconds, and whoever draws a picture needs none.
+    from handsight.servoing.homography import InputGrid
 
 _LEAST_ZOOM = 0.3
 """Share of its distance below which no picture is looked at from nearer."""
