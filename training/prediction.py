@@ -51,4 +51,5 @@ def _scores(score: Callable[[Tensor], Tensor], inputs: InputRows, rows: Tensor) 
 
 
 def _read(inputs: InputRows, rows: Tensor) -> Tensor:
-    return torch.from_numpy(np.asarray(inputs[rows.numpy()], dtype=np.float32))
+    """As they are kept: the network makes float32 of what it reads of them."""
+    return torch.from_numpy(np.asarray(inputs[rows.numpy()]))

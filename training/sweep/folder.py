@@ -85,6 +85,7 @@ class SweepFolder:
         lock = lock_of(self.cell_folder(cell))
         if lock.exists() and not remove_abandoned(lock):
             return  # it is at it
+        clear_unfinished(self.cell_folder(cell))
         (self.cell_folder(cell) / FAILURE).unlink(missing_ok=True)
         self.checkpoint(cell).unlink(missing_ok=True)
 

@@ -128,6 +128,7 @@ def test_what_a_process_left_that_was_killed_once_a_cell_was_done_is_taken_away(
         folder.checkpoint(cell).write_bytes(b"half")
         (folder.cell_folder(cell) / FAILURE).write_text("{}")
     lock_of(folder.cell_folder(killed)).touch()
+    (folder.cell_folder(killed) / ".metrics.unfinished-2d23475c.json.lock").touch()
     held = HeldFile(lock_of(folder.cell_folder(alive)))
     assert run_sweep(plan, folder, workers=1, engine=Threads(), chosen=chosen).trained == 0
     assert [path.name for path in tmp_path.rglob("*.lock")] == [f"{alive.name}.lock"]
