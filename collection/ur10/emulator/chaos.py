@@ -27,8 +27,8 @@ DRAWN = (
     "camera-black",
     "camera-no-depth",
 )
-MINOR_AND_MAJOR = (5, 8, 10, 14)
-"""FLT codes: delayed action, too hot, too little voltage, too much current."""
+MINOR_AND_MAJOR = (5, 10, 14)
+"""FLT codes: delayed action, too little voltage, too much current. Heat takes a pause."""
 CAMERA_CURES = ("restart", "reset")
 
 

@@ -27,6 +27,10 @@ def test_all_of_them_exist() -> None:
         fault.check()
 
 
+def test_no_gripper_is_overheated_for_which_a_rig_would_pause() -> None:
+    assert {fault.values["code"] for fault in drawn(2) if fault.name == "gripper-fault"} == {"5", "10", "14"}
+
+
 def test_seed_decides() -> None:
     assert drawn(3) == drawn(3)
     assert drawn(3) != drawn(4)
