@@ -65,7 +65,7 @@ class RefilledStation(Ur10Station):
         """As on a rig, and then other objects fall while the arm stands above them."""
         super().reset(rng)
         with socket.create_connection(self._control, timeout=30) as connection:
-            connection.sendall(b'{"do": "refill", "exchange": true}\n')
+            connection.sendall(b'{"do": "refill", "exchange": true, "held": true}\n')
             connection.makefile(encoding="utf-8").readline()
         began_s = self.arm.state().timestamp_s
         while self.arm.state().timestamp_s < began_s + SETTLE_S:

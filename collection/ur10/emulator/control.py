@@ -3,7 +3,8 @@
 ``{"do": "status"}`` tells clock, states, phase and what has gone wrong; ``scene`` where objects are; ``fault`` with
 ``"fault": "protective-stop@descend"`` lets something go wrong (``faults.py``), ``clear`` undoes it; ``release`` turns
 the emergency button back and leaves the safeguarded cell; ``refill`` puts lost objects back, with ``"everything":
-true`` drops all anew, with ``"exchange": true`` others of the set; ``empty`` takes all off the table; ``put`` with
+true`` drops all anew, with ``"exchange": true`` others of the set, where ``"held": true`` takes what hangs on the jaws
+too; ``empty`` takes all off the table; ``put`` with
 ``object``, ``position_m`` and ``angle_rad`` places one; ``board`` with the values of ``Board`` lays a calibration
 target, with ``"gone": true`` takes it away; ``camera-power-cycle`` switches its USB port; ``remote`` with ``"on"``
 turns the key; ``speed`` with ``factor`` changes the clock; ``stop`` ends the emulator.
@@ -128,7 +129,7 @@ class Control:
 
     def _refill(self, values: Values) -> Values:
         if values.get("exchange", False):
-            return {"put_back": self._world().exchange()}
+            return {"put_back": self._world().exchange(held_too=bool(values.get("held", False)))}
         return {"put_back": self._world().refill(everything=bool(values.get("everything", False)))}
 
     def _empty(self, _: Values) -> Values:

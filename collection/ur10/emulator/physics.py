@@ -245,9 +245,9 @@ class PhysicalWorld:
         self._still_s = 0.0
         return len(bodies)
 
-    def clear(self) -> int:
-        """Take away all objects that are not held; returns how many."""
-        held = set(self.held())
+    def clear(self, *, held_too: bool = False) -> int:
+        """Take away all objects that are not held, or what hangs on the jaws too; returns how many."""
+        held = set() if held_too else set(self.held())
         kept = [pair for pair in zip(self.scene.bodies, self.object_ids, strict=True) if pair[0] in held]
         gone = [body for body in self.scene.bodies if body not in held]
         for body in gone:
@@ -256,9 +256,9 @@ class PhysicalWorld:
         self._still_s = 0.0
         return len(gone)
 
-    def exchange(self) -> int:
-        """Take away all objects that are not held, and drop others of the set; returns how many."""
-        self.clear()
+    def exchange(self, *, held_too: bool = False) -> int:
+        """Take objects away as :meth:`clear` does, and drop others of the set; returns how many."""
+        self.clear(held_too=held_too)
         names = list(self.object_ids)
         count = self.config.objects_per_scene - len(names)
         others = [model for model in self._models if model.object_id not in names]

@@ -164,6 +164,16 @@ def test_objects_are_exchanged_for_others_of_the_set(rig: EmulatedRig, world: Ph
     assert world.scene.poses()[0, 2] < 0.1  # It has come down.
 
 
+def test_what_hangs_on_the_jaws_is_exchanged_on_request_alone(rig: EmulatedRig, world: PhysicalWorld) -> None:
+    grasp(rig, *block_xy_m(world))
+    assert world.held() == world.scene.bodies
+    assert world.exchange() == 0
+    assert world.exchange(held_too=True) == 1
+    let_pass(rig, 3.0)
+    assert world.held() == []
+    assert len(world.scene.bodies) == 1
+
+
 def test_table_is_emptied_and_filled_again(rig: EmulatedRig, world: PhysicalWorld) -> None:
     assert world.clear() == 1
     let_pass(rig, 1.0)
