@@ -62,14 +62,18 @@ class RefilledStation(Ur10Station):
         self._control = (factory.rig.robot.address, factory.control_port)
 
     def reset(self, rng: np.random.Generator) -> None:
-        """As on a rig, and then other objects fall while the arm stands above them."""
+        """As on a rig, with an empty table; then other objects fall while the arm stands above them."""
+        self._somebody(b'{"do": "empty", "held": true}')
         super().reset(rng)
-        with socket.create_connection(self._control, timeout=30) as connection:
-            connection.sendall(b'{"do": "refill", "exchange": true, "held": true}\n')
-            connection.makefile(encoding="utf-8").readline()
+        self._somebody(b'{"do": "refill", "exchange": true}')
         began_s = self.arm.state().timestamp_s
         while self.arm.state().timestamp_s < began_s + SETTLE_S:
             pass  # Every state is a new one, so this waits for the controller.
+
+    def _somebody(self, does: bytes) -> None:
+        with socket.create_connection(self._control, timeout=30) as connection:
+            connection.sendall(does + b"\n")
+            connection.makefile(encoding="utf-8").readline()
 
 
 SETTLE_S = 3.0

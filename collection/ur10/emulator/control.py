@@ -3,11 +3,11 @@
 ``{"do": "status"}`` tells clock, states, phase and what has gone wrong; ``scene`` where objects are; ``fault`` with
 ``"fault": "protective-stop@descend"`` lets something go wrong (``faults.py``), ``clear`` undoes it; ``release`` turns
 the emergency button back and leaves the safeguarded cell; ``refill`` puts lost objects back, with ``"everything":
-true`` drops all anew, with ``"exchange": true`` others of the set, where ``"held": true`` takes what hangs on the jaws
-too; ``empty`` takes all off the table; ``put`` with
-``object``, ``position_m`` and ``angle_rad`` places one; ``board`` with the values of ``Board`` lays a calibration
-target, with ``"gone": true`` takes it away; ``camera-power-cycle`` switches its USB port; ``remote`` with ``"on"``
-turns the key; ``speed`` with ``factor`` changes the clock; ``stop`` ends the emulator.
+true`` drops all anew, with ``"exchange": true`` others of the set; ``empty`` takes all off the table; both leave what
+the jaws hold, unless ``"held": true``. ``put`` with ``object``, ``position_m`` and ``angle_rad`` places one; ``board``
+with the values of ``Board`` lays a calibration target, with ``"gone": true`` takes it away; ``camera-power-cycle``
+switches its USB port; ``remote`` with ``"on"`` turns the key; ``speed`` with ``factor`` changes the clock; ``stop``
+ends the emulator.
 What makes no sense is answered with ``{"error": ...}``.
 """
 
@@ -132,8 +132,8 @@ class Control:
             return {"put_back": self._world().exchange(held_too=bool(values.get("held", False)))}
         return {"put_back": self._world().refill(everything=bool(values.get("everything", False)))}
 
-    def _empty(self, _: Values) -> Values:
-        return {"taken_away": self._world().clear()}
+    def _empty(self, values: Values) -> Values:
+        return {"taken_away": self._world().clear(held_too=bool(values.get("held", False)))}
 
     def _put(self, values: Values) -> Values:
         world = self._world()
