@@ -46,9 +46,8 @@ def cluster(monkeypatch: pytest.MonkeyPatch) -> Iterator[Cluster]:
         nodes.shutdown()
 
 
-def test_a_grid_is_finished_after_a_node_was_killed(
-    plan: SweepPlan, cluster: Cluster, tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_a_grid_is_finished_after_a_node_was_killed(plan: SweepPlan, cluster: Cluster, tmp_path: Path) -> None:
+    """Whether its worker is replaced before the other one has done all that is left depends on the machine."""
     folder, told = SweepFolder(tmp_path / "ray"), Counter[str]()
     settle(folder.path, plan)
 
@@ -59,7 +58,7 @@ def test_a_grid_is_finished_after_a_node_was_killed(
 
     with ray_engine(cluster.address, workers=2) as engine:
         report = run_sweep(plan, folder, workers=2, engine=engine, on_cell=kill_a_node)
-    assert "it is replaced" in caplog.text, "the node that was killed had a worker"
+    assert not cluster.worker_nodes
     assert (report.trained, report.failed, report.elsewhere) == (16, 0, 0)
     assert set(told.values()) == {1}
     alone = SweepFolder(tmp_path / "alone")
