@@ -61,7 +61,7 @@ def test_bring_up_from_an_uncalibrated_rig_to_a_dry_run(
     (file.parent / "calibration.json").unlink()
     before = running.do("status")["tcp_pose"]
     answer = said(capsys, "check", "--rig", str(file), "--move", status=1)
-    assert running.do("status")["tcp_pose"] == pytest.approx(before, abs=1e-4)  # Nothing moves on a rig at fault.
+    assert running.do("status")["tcp_pose"] == pytest.approx(before, abs=2e-3)  # Nothing moves on a rig at fault; joints settle.
     assert answer["attempt"] is None
     for part in ("table", "gripper"):
         assert found(answer, "calibration")[part] == (False, f"not yet: 'rig calibrate {part}'")
@@ -97,7 +97,7 @@ def test_payload_and_reach_are_measured(running: RunningRig, file: Path, capsys:
     reach = said(capsys, "calibrate", "reach", "--rig", str(file))["reach"]
     assert (reach["x_min_m"], reach["y_min_m"], len(reach["rows"])) == (0.5, -0.15, 15)
     assert set("".join(reach["rows"])) == {"#"}
-    assert running.do("status")["flange_pose"] == pytest.approx(before, abs=1e-4)
+    assert running.do("status")["flange_pose"] == pytest.approx(before, abs=2e-3)
     if running.generation == "cb3":
         assert run(["rig", "calibrate", "payload", "--rig", str(file)]) == 2
         assert "no force sensor to weigh with" in capsys.readouterr().err
