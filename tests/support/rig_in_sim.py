@@ -39,7 +39,7 @@ LIFT_BELOW_M = 0.02
 class BlindStation(SimStation):
     """A simulated station that, as a rig, does not tell where its objects lie."""
 
-    def reset(self, rng: np.random.Generator) -> None:  # type: ignore[override]
+    def reset(self, rng: np.random.Generator) -> None:  # type: ignore[override]  # It tells less than it could.
         """Make a scene, and keep it to itself."""
         super().reset(rng)
 
