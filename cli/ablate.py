@@ -23,9 +23,12 @@ FAILED = 1
 USUAL_TRIALS = 30
 
 SweepOut = Annotated[
-    Path, typer.Option("--out", metavar="DIR", help="Folder of the sweep; the same call goes on in it.")
+    Path,
+    typer.Option(
+        "--out", metavar="DIR", help="Folder of the sweep, or s3://bucket/prefix; the same call goes on in it."
+    ),
 ]
-SweepFolderArgument = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a sweep.")]
+SweepFolderArgument = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a sweep, or s3://bucket/prefix.")]
 Trials = Annotated[
     int, typer.Option("--trials", max=1000, help="How often groups are drawn anew and held out; more can follow later.")
 ]
@@ -176,7 +179,7 @@ def ablate_run(
         dry_run=dry_run,
         as_json=as_json,
     )
-    end_sweep(found, out, as_json=as_json)
+    end_sweep(found, as_json=as_json)
 
 
 def sweep(
@@ -197,18 +200,21 @@ def sweep(
 ) -> dict[str, Any] | None:
     """Plan and train a sweep; returns what it found, or None of a dry run, which says what it would do."""
     check_engine(engine, ray_address)
-    check_sweep_folder(out)
+    location = location_of(out)
     check_named_once(datasets)
     for dataset in datasets:
         checked_address(dataset)
     from handsight.cli.wiring.sweeps import estimated, planned, print_estimate, run, write_tables
     from handsight.training.settings import TrainSettings
     from handsight.training.sweep.folder import SweepFolder
+    from handsight.training.sweep.place import sweep_place
     from handsight.training.sweep.run import chosen_by
 
-    plan = planned(datasets, out, only=only, allowed=allow, dry_run=dry_run, recipe=TrainSettings(**recipe), **axes)
+    place = sweep_place(location, begin=True)
+    settings = TrainSettings(**recipe)
+    plan = planned(datasets, place.folder, only=only, allowed=allow, dry_run=dry_run, recipe=settings, **axes)
     if dry_run:
-        left = estimated(plan, SweepFolder(out), chosen_by(only, plan), workers)
+        left = estimated(plan, SweepFolder(place.folder), chosen_by(only, plan), workers)
         if as_json:
             print_json({"plan": plan.to_json(), "left": left})
         else:
@@ -217,18 +223,18 @@ def sweep(
     with engine_named(engine, ray_address, workers) as started:
         report = run(
             plan,
-            out,
+            place,
             workers=workers,
             engine=started,
             only=only,
             retry_failed=retry_failed,
             restart_failed=restart_failed,
         )
-    found = write_tables(plan, out)
+    found = write_tables(plan, place)
     return {**found, "trained": report.trained, "elsewhere": report.elsewhere}
 
 
-def end_sweep(found: dict[str, Any] | None, out: Path, *, as_json: bool, objects: bool = False) -> None:
+def end_sweep(found: dict[str, Any] | None, *, as_json: bool, objects: bool = False) -> None:
     """Print what a sweep found; exit status 1 where cells failed."""
     if found is None:
         return
@@ -242,7 +248,7 @@ def end_sweep(found: dict[str, Any] | None, out: Path, *, as_json: bool, objects
             print_objects(found)
         states = found["states"]
         rest = "".join(f", {states[name]} {name}" for name in ("failed", "running", "left") if states[name])
-        console.print(bold(out), f": {states['done']} of {counted(sum(states.values()), 'cell')} done{rest}")
+        console.print(bold(found["out"]), f": {states['done']} of {counted(sum(states.values()), 'cell')} done{rest}")
         if states["failed"]:
             console.print("to train failed cells again: the same call with --retry-failed or --restart-failed")
     if found["states"]["failed"]:
@@ -254,9 +260,11 @@ def ablate_status(folder: SweepFolderArgument, workers: Workers = 2, as_json: Js
     from handsight.cli.wiring.sweeps import duration_text, size_text
     from handsight.training.sweep.estimate import estimate
     from handsight.training.sweep.folder import SweepFolder
+    from handsight.training.sweep.place import sweep_place
     from handsight.training.sweep.plan import read_plan
 
-    plan, cells = read_plan(folder), SweepFolder(folder)
+    place = sweep_place(location_of(folder), begin=False)
+    plan, cells = read_plan(place.folder), SweepFolder(place.folder)
     states = {cell: cells.state(cell) for cell in plan.cells()}
     done = cells.results(plan.cells())
     left = [cell for cell, state in states.items() if state in ("left", "running")]
@@ -295,24 +303,11 @@ def ablate_status(folder: SweepFolderArgument, workers: Workers = 2, as_json: Js
 def ablate_plot(folder: SweepFolderArgument, as_json: Json = False) -> None:
     """Write the tables, the page and the figure of a sweep from the cells that are done."""
     from handsight.cli.wiring.sweeps import write_tables
+    from handsight.training.sweep.place import sweep_place
     from handsight.training.sweep.plan import read_plan
 
-    found = write_tables(read_plan(folder), folder)
-    end_sweep(found, folder, as_json=as_json)
-
-
-def check_sweep_folder(out: Path) -> None:
-    """Refuse a bucket, before a folder of its name is made.
-
-    Raises:
-        CommandError: It is no folder of this machine.
-    """
-    location = location_of(out)
-    if not isinstance(location, Path):
-        raise CommandError(
-            f"--out is {location}, expected a folder: cells are shared by locks that end with their process, and a "
-            "bucket has none; the dataset can lie in a bucket, and the folder can be copied to one"
-        )
+    place = sweep_place(location_of(folder), begin=False)
+    end_sweep(write_tables(read_plan(place.folder), place), as_json=as_json)
 
 
 def sizes_of(text: str) -> list[int | None]:

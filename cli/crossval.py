@@ -79,4 +79,4 @@ def crossval_command(
         dry_run=dry_run,
         as_json=as_json,
     )
-    end_sweep(found, out, as_json=as_json, objects=True)
+    end_sweep(found, as_json=as_json, objects=True)

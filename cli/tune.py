@@ -7,12 +7,13 @@ from typing import Annotated, Literal
 
 import typer
 
-from handsight.cli.ablate import By, Epochs, HeldOut, SweepViewpoint, check_sweep_folder, sizes_of
+from handsight.cli.ablate import By, Epochs, HeldOut, SweepViewpoint, sizes_of
 from handsight.cli.errors import CommandError
 from handsight.cli.opening import checked_address
 from handsight.cli.options import Dataset, DryRun, EngineName, Json, RayAddress, Seed, Workers
 from handsight.cli.output import print_json
 from handsight.cli.wiring.engines import check_engine, engine_named
+from handsight.datasets.address import location_of
 from handsight.datasets.inputs.viewpoint import DEFAULT_VIEWPOINT
 
 NOTHING_FOUND = 1
@@ -58,7 +59,7 @@ def tune_command(
     if proposals < 1:
         raise CommandError(f"--proposals is {proposals}, expected at least 1, which is the usual recipe")
     check_engine(engine, ray_address)
-    check_sweep_folder(out)
+    _check_folder(out)
     checked_address(dataset)
     from handsight.cli.wiring.searches import estimated, found, planned, print_estimate, print_found, run
     from handsight.training.settings import TrainSettings
@@ -93,3 +94,17 @@ def tune_command(
         print_found(rows, out)
     if not any(row.state in ("done", "running") for row in rows):
         raise typer.Exit(NOTHING_FOUND)
+
+
+def _check_folder(out: Path) -> None:
+    """Refuse a bucket, before a folder of its name is made.
+
+    Raises:
+        CommandError: It is no folder of this machine.
+    """
+    location = location_of(out)
+    if not isinstance(location, Path):
+        raise CommandError(
+            f"--out is {location}, expected a folder: the journal of a search is a file that grows, and a "
+            "bucket has none; the dataset can lie in a bucket, and the folder can be copied to one"
+        )

@@ -20,6 +20,7 @@ from handsight.training.intervals import MeanOverTrials
 from handsight.training.sweep.cell import Cell
 from handsight.training.sweep.estimate import Estimate, estimate, measured_speeds
 from handsight.training.sweep.folder import SweepFolder
+from handsight.training.sweep.place import SweepPlace
 from handsight.training.sweep.plan import SweepPlan
 from handsight.training.sweep.prepare import plan_sweep, settle
 from handsight.training.sweep.result import CellResult
@@ -62,7 +63,7 @@ def estimated(plan: SweepPlan, folder: SweepFolder, chosen: Callable[[Cell], boo
 
 def run(
     plan: SweepPlan,
-    out: Path,
+    place: SweepPlace,
     *,
     workers: int,
     engine: Engine,
@@ -70,12 +71,14 @@ def run(
     retry_failed: bool = False,
     restart_failed: bool = False,
 ) -> SweepReport:
-    """Train what is left of a sweep behind a progress bar, and write its tables and figure."""
-    folder, chosen = SweepFolder(out), chosen_by(only, plan)
+    """Train what is left of a sweep behind a progress bar, and keep it where the sweep is kept."""
+    folder, chosen = SweepFolder(place.folder), chosen_by(only, plan)
+    place.keep_plan()
     if retry_failed or restart_failed:
         for cell in filter(chosen, plan.cells()):
             if folder.state(cell) == "failed":
                 folder.forget_failure(cell, restart=restart_failed)
+                place.keep_cell(cell)
     data = opened(plan).data  # inputs are made once, here, and not by every worker
     cells = [cell for cell in plan.cells() if chosen(cell)]
     ended = sum(folder.state(cell) in ("done", "failed") for cell in cells)
@@ -83,14 +86,16 @@ def run(
         bar.reached(ended)
 
         def show(cell: Cell, result: CellResult | None) -> None:
+            place.keep_cell(cell)
             accuracy = None if result is None else result.tested.accuracy
             bar.advance(f"{cell.name} failed" if accuracy is None else f"{cell.name} {accuracy:.3f}")
 
         return run_sweep(plan, folder, workers=workers, engine=engine, data=data, chosen=chosen, on_cell=show)
 
 
-def write_tables(plan: SweepPlan, out: Path) -> dict[str, Any]:
-    """Write what a sweep has found so far into its folder; returns what ``--json`` prints."""
+def write_tables(plan: SweepPlan, place: SweepPlace) -> dict[str, Any]:
+    """Write what a sweep has found so far, and keep it with the sweep; returns what ``--json`` prints."""
+    out = place.folder
     folder = SweepFolder(out)
     results = folder.results(plan.cells())
     rows, differences, objects = sweep_rows(results), sweep_differences(results), object_rows(results)
@@ -101,8 +106,9 @@ def write_tables(plan: SweepPlan, out: Path) -> dict[str, Any]:
         write_text(out / f"{FIGURE}.csv", _rows_csv(rows))
         ablation_figure(rows, objects, out / f"{FIGURE}.svg")
         write_text(out / "README.md", readme(plan, rows, differences, counts))
+    place.keep_tables()
     return {
-        "out": str(out),
+        "out": str(place),
         "states": counts,
         "cells": [cell_json(cell, result) for cell, result in results.items()],
         "failed": [

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
@@ -75,6 +75,30 @@ def write_object(location: S3Prefix, name: str, content: bytes) -> None:
         _bucket().open_output_stream(_key(location, name)) as stream,
     ):
         stream.write(content)
+
+
+def read_object(location: S3Prefix, name: str) -> bytes:
+    """What an object of a bucket holds.
+
+    Raises:
+        StorageError: It is not there, or the bucket is not within reach.
+    """
+    with (
+        _bucket_errors(f"cannot read {name} of {location}"),
+        _bucket().open_input_stream(_key(location, name)) as stream,
+    ):
+        content: bytes = stream.read()
+    return content
+
+
+def remove_object(location: S3Prefix, name: str) -> None:
+    """Take an object out of a bucket; it need not be there.
+
+    Raises:
+        StorageError: The bucket is not within reach, or may not be written.
+    """
+    with _bucket_errors(f"cannot remove {name} of {location}"), suppress(FileNotFoundError):
+        _bucket().delete_file(_key(location, name))
 
 
 def _in_bucket(location: S3Prefix, folder: str) -> dict[str, int]:

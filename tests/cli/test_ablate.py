@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from tests.support.s3_server import empty_bucket, s3_server
 from tests.support.sweep_kills import kill_sweep
 from tests.support.swept import make_swept
 
@@ -16,6 +17,8 @@ from handsight.cli.ablate import sizes_of, varied_of
 from handsight.cli.app import run
 from handsight.cli.errors import CommandError
 from handsight.datasets import GraspRepository
+from handsight.datasets.address import S3Prefix, location_of
+from handsight.datasets.store.files import read_object, stored_files
 from handsight.training.sweep.folder import FAILURE
 
 QUICK = ("--sizes", "12,20", "--trials", "2", "--held-out", "0.34", "--epochs", "1", "--workers", "1")
@@ -192,6 +195,29 @@ def test_what_options_say_is_read_as_it_is_meant() -> None:
     assert varied_of(["mixup=0,0.2", "lr=1e-3"]) == {"mixup": ["0", "0.2"], "lr": ["1e-3"]}
     with pytest.raises(CommandError, match="every name once"):
         varied_of(["lr=1", "lr=2"])
+
+
+def test_a_sweep_kept_in_a_bucket_goes_on_on_another_machine(
+    grasps: str, swept: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = "s3://lab/week/out"
+    words = ["ablate", grasps, "--channels", "rgb,depth", *QUICK, "--out", out]
+    with s3_server() as server:
+        empty_bucket(server, monkeypatch)
+        monkeypatch.setenv("HANDSIGHT_CACHE", str(tmp_path / "first"))
+        assert printed([*words, "--dry-run"], capsys)["left"]["cells"] == 8
+        assert "holds no sweep" in refusal(["ablate", "status", out], capsys)
+        assert printed([*words, "--only", "rgb:12"], capsys)["trained"] == 2
+        monkeypatch.setenv("HANDSIGHT_CACHE", str(tmp_path / "second"))
+        assert sum(row["done"] for row in printed(["ablate", "status", out], capsys)["rows"]) == 2
+        found = printed(words, capsys)
+        assert (found["out"], found["trained"], found["states"]["done"]) == (out, 6, 8)
+        assert run(["ablate", "plot", out]) == 0
+        location = location_of(out)
+        assert isinstance(location, S3Prefix)
+        assert {path.name for path in swept.iterdir() if path.is_file()} < stored_files(location).keys()
+        told = [f"cells/{path.parent.name}/{path.name}" for path in swept.glob("cells/*/predictions.csv")]
+        assert all(read_object(location, name) == (swept / name).read_bytes() for name in told)
 
 
 def test_a_sweep_that_is_killed_again_and_again_ends_as_one_that_was_left_alone(tmp_path: Path) -> None:
