@@ -34,7 +34,7 @@ from handsight.cli.wiring.engines import check_engine, engine_named
 from handsight.training.run_folder import check_finished_run
 
 if TYPE_CHECKING:
-    from handsight.collection.ur10.station import Ur10StationFactory
+    from handsight.collection.ur10.station_factory import Ur10StationFactory
 
 
 def evaluate_command(

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from handsight.collection.ur10.station import Ur10StationFactory
+    from handsight.collection.ur10.station_factory import Ur10StationFactory
     from handsight.evaluation.trial import TrialRecording
 
 

@@ -14,6 +14,7 @@ CollectionError
 │   └── RigSettingsError                 a rig's file or calibration that describes no usable rig
 ├── DeviceError (RuntimeError)           a device of a rig does not do what it was asked for
 │   ├── DeviceLostError                  it does not answer any more, or its data do not change
+│   │   └── CameraLostError              the camera gives no usable picture, whatever was tried
 │   ├── RobotStoppedError                the controller has stopped the arm
 │   └── PoseRefusedError (ValueError)    a move that we do not ask any arm for
 └── RigPausedError (RuntimeError)        a person has to look before the rig goes on
@@ -84,6 +85,10 @@ class DeviceError(CollectionError, RuntimeError):
 
 class DeviceLostError(DeviceError):
     """It does not answer in time, its connection is gone, or its data do not change any more."""
+
+
+class CameraLostError(DeviceLostError):
+    """The camera gives no usable picture, whatever was tried."""
 
 
 class RobotStoppedError(DeviceError):

@@ -15,7 +15,7 @@ from handsight.cli.wiring.stations import sim_station
 from handsight.collection.collector import StationFactory
 from handsight.collection.errors import ObjectSetError
 from handsight.collection.sim.station import SimStationFactory
-from handsight.collection.ur10.station import Ur10StationFactory
+from handsight.collection.ur10.station_factory import Ur10StationFactory
 from handsight.evaluation.disturbance import Disturbance, DisturbedFactory
 from handsight.evaluation.evaluate import EvaluationSettings, TrialContextFactory, evaluate
 from handsight.evaluation.journal import Journal, open_journal, trial_to_json

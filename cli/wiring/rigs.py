@@ -35,7 +35,7 @@ from handsight.collection.ur10.recovery import Recovery
 from handsight.collection.ur10.rig import RigConfig
 from handsight.collection.ur10.rig_file import load_rig
 from handsight.collection.ur10.session import RigReport, collect_on_rig
-from handsight.collection.ur10.station import Ur10StationFactory, measured
+from handsight.collection.ur10.station_factory import Ur10StationFactory, measured
 from handsight.datasets.records import GraspAttempt
 from handsight.datasets.store.repository import GraspRepository
 from handsight.servoing.planar import PlanarPose

@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from handsight.collection.errors import DeviceError, DeviceLostError
+from handsight.collection.errors import CameraLostError, DeviceError, DeviceLostError
 from handsight.collection.ur10.camera_client import CameraDescription, OpenCamera, Picture
 from handsight.collection.ur10.child import SupervisedChild
 from handsight.collection.ur10.rig import CameraConfig
@@ -53,7 +53,7 @@ class Camera:
         """A picture that is new and shows something, if need be by way of the ladder.
 
         Raises:
-            DeviceLostError: No step of the ladder helped.
+            CameraLostError: No step of the ladder helped.
         """
         reason = ""
         for number, (name, step) in enumerate(self._ladder()):
@@ -66,7 +66,7 @@ class Camera:
                 continue
             self.recoveries += number > 1
             return picture
-        raise DeviceLostError(f"no usable picture, whatever was tried; last: {reason}")
+        raise CameraLostError(f"no usable picture, whatever was tried; last: {reason}")
 
     def _ladder(self) -> list[tuple[str, Callable[[], None]]]:
         steps: list[tuple[str, Callable[[], None]]] = [

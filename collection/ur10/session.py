@@ -16,7 +16,8 @@ from handsight.collection.collector import CollectReport, CollectSettings, open_
 from handsight.collection.errors import RigPausedError
 from handsight.collection.ur10.guards import SuccessWindow
 from handsight.collection.ur10.rig import GuardConfig
-from handsight.collection.ur10.station import Ur10Station, Ur10StationFactory
+from handsight.collection.ur10.station import Ur10Station
+from handsight.collection.ur10.station_factory import Ur10StationFactory
 from handsight.datasets.errors import DatasetError
 from handsight.datasets.records import GraspAttempt
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,9 +17,9 @@ from numpy.typing import NDArray
 
 from handsight.collection.attempt import is_held
 from handsight.collection.errors import (
+    CameraLostError,
     DeviceError,
     DeviceFaultError,
-    DeviceLostError,
     PhaseAbortedError,
     PoseRefusedError,
     RigPausedError,
@@ -31,17 +30,16 @@ from handsight.collection.errors import (
 from handsight.collection.station import Descent, Workspace
 from handsight.collection.ur10.alarm import sound_alarm
 from handsight.collection.ur10.arm import Arm
-from handsight.collection.ur10.calibration import Calibration, check_calibration, load_calibration
+from handsight.collection.ur10.between import BetweenAttempts
+from handsight.collection.ur10.calibration import Calibration, check_calibration
 from handsight.collection.ur10.camera import Camera
 from handsight.collection.ur10.gripper import Gripper, GripResult, gripper_for
-from handsight.collection.ur10.guards import disk_fault, height_over_table_m, temperature_fault
 from handsight.collection.ur10.logs import Heartbeat, OperatorLog, append_line, now
 from handsight.collection.ur10.poses import matrix_of
-from handsight.collection.ur10.reach import check_reach, reached_workspace
+from handsight.collection.ur10.reach import reached_workspace
 from handsight.collection.ur10.recovery import Recovery
 from handsight.collection.ur10.rectify import Rectifier
 from handsight.collection.ur10.rig import RigConfig
-from handsight.datasets.errors import counted
 from handsight.datasets.records import RgbdFrame, StationSpec
 from handsight.servoing.planar import PlanarPose
 
@@ -49,90 +47,31 @@ MOVED_M = 0.003
 """A tool that is this far away after a picture from before it did not stand."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Ur10StationFactory:
-    """Opens the station of a rig; there is one arm, so one station at a time."""
-
-    rig: RigConfig
-    calibration: Calibration
-    data_folder: Path | None = None
-    """Where the data go; its disk is watched."""
-
-    @classmethod
-    def of(cls, rig: RigConfig, *, data_folder: Path | None = None) -> Ur10StationFactory:
-        """The station of a rig with its calibration.
-
-        Raises:
-            RigSettingsError: The calibration is missing, damaged, or of another camera or workspace.
-        """
-        calibration = load_calibration(rig.calibration)
-        check_calibration(calibration, rig.calibration, rig.camera.serial)
-        if calibration.reach is not None:
-            check_reach(calibration.reach, rig.workspace)
-        return cls(rig=measured(rig, calibration), calibration=calibration, data_folder=data_folder)
-
-    @property
-    def spec(self) -> StationSpec:
-        """The spec of every station it opens."""
-        camera = check_calibration(self.calibration, self.rig.calibration, self.rig.camera.serial)
-        return StationSpec(
-            source="ur10",
-            camera=camera.camera,
-            depth_scale_m=camera.depth_scale_m,
-            gripper_stroke_m=self.rig.gripper.stroke_m,
-            closed_width_m=self.rig.gripper.closed_width_m,
-            pregrasp_height_m=self.rig.workspace.pregrasp_height_m,
-            serials={"camera": camera.serial, "robot": camera.robot, "gripper": self.rig.gripper.model},
-        )
-
-    @property
-    def objects_per_scene(self) -> int:
-        """Nobody knows what lies on the table."""
-        return 0
-
-    @property
-    def pushable(self) -> bool:
-        """Nobody stands at the table."""
-        return False
-
-    def settings(self) -> dict[str, object]:
-        """Rig and calibration, as JSON values."""
-        return {"rig": self.rig.to_json(), "calibration": self.calibration.to_json()}
-
-    def __call__(self) -> Ur10Station:
-        """Connect to everything.
-
-        Raises:
-            DeviceError: A device is missing.
-            RigSettingsError: Another camera is mounted than was calibrated.
-        """
-        return Ur10Station(self)
-
-
-def measured(rig: RigConfig, calibration: Calibration) -> RigConfig:
-    """A rig with what was measured in the place of what its file has."""
-    if calibration.table is not None:
-        rig = replace(rig, workspace=replace(rig.workspace, table_height_m=calibration.table.height_m))
-    if calibration.jaws is not None:
-        jaws = calibration.jaws
-        rig = replace(rig, gripper=replace(rig.gripper, open_count=jaws.open_count, closed_count=jaws.closed_count))
-    if calibration.payload is not None:
-        weighed = calibration.payload
-        robot = replace(rig.robot, payload_kg=weighed.mass_kg, centre_of_mass_m=weighed.centre_of_mass_m)
-        rig = replace(rig, robot=robot)
-    return rig
-
-
 class Ur10Station:
-    """A :class:`~handsight.collection.station.Station` on the rig."""
+    """A :class:`~handsight.collection.station.Station` on the rig; opening it connects to everything.
 
-    def __init__(self, factory: Ur10StationFactory, *, recover_first: bool = True) -> None:
-        """Connect to everything, and lift the tool if the last session ended low; see the factory for errors."""
-        rig = self._rig = factory.rig
-        self._data_folder = factory.data_folder
-        self._workspace = reached_workspace(rig.workspace, factory.calibration.reach)
-        self._spec = factory.spec
-        camera = check_calibration(factory.calibration, rig.calibration, rig.camera.serial)
+    Args:
+        rig: The rig, with what was measured of it.
+        calibration: Of its camera, and of where its arm reaches.
+        spec: What stays fixed during a session.
+        data_folder: Where the data go; its disk is watched.
+
+    Raises:
+        DeviceError: A device is missing.
+        RigSettingsError: Another camera is mounted than was calibrated.
+    """
+
+    def __init__(
+        self,
+        rig: RigConfig,
+        calibration: Calibration,
+        spec: StationSpec,
+        *,
+        data_folder: Path | None = None,
+    ) -> None:
+        self._rig, self._spec = rig, spec
+        self._workspace = reached_workspace(rig.workspace, calibration.reach)
+        camera = check_calibration(calibration, rig.calibration, rig.camera.serial)
         self._rectifier = Rectifier(camera.intrinsics, camera.rotation)
         self.log = OperatorLog(rig.operator_log)
         self._heartbeat = Heartbeat(rig.heartbeat)
@@ -140,12 +79,13 @@ class Ur10Station:
         self.camera = Camera(rig.camera, note=lambda text: self.log.note("camera", step=text))
         self.gripper: Gripper = gripper_for(rig.gripper)
         self.recovery = Recovery(rig, self.arm, self.gripper, self.log)
-        self._fault = "begin" if recover_first else ""
+        self._between = BetweenAttempts(rig, self.arm, self.gripper, self.log, data_folder=data_folder)
+        self._fault = "begin"  # The last session may have ended low.
         self._camera_lost = self._holding = False
         self._last_s: float | None = None
         self._clock_s = 0.0
         self._grip: GripResult | None = None
-        self._attempts = self._empty_looks = 0
+        self._attempts = 0
         self._readings: dict[str, Any] = {}
         try:
             self._check_camera(camera.serial)
@@ -204,11 +144,14 @@ class Ur10Station:
         self._clock_s, self._last_s = 0.0, None
         _ = self.clock_s
         with self._phase("settle"):
-            self._guard()
-            self._put_down(rng)
-            self._measure_jaws()
+            # Drawn whether or not it is used: the stream shall not depend on what was held.
+            place = self._random_place(rng)
+            self._readings |= self._between.guard()
+            if self._holding:
+                self._between.put_down(place)
+            self._between.measure_jaws(self._attempts)
             self._grip, self._holding = self.gripper.open(), False
-            self._home()
+            self._between.go_home()
 
     def look(self) -> RgbdFrame:
         """Take a picture and turn it parallel to the tool; the tool must stand.
@@ -228,7 +171,7 @@ class Ur10Station:
         self._readings.setdefault("depth_valid", []).append(round(picture.valid, 4))
         if pose[2, 3] > self._rig.workspace.overhead_height_m - 0.01:
             with self._paused_told():
-                self._watch_table(frame)
+                self._readings |= self._between.watch_table(frame, self._spec)
         return frame
 
     def reach(self, pose: PlanarPose) -> None:
@@ -322,7 +265,9 @@ class Ur10Station:
                     f"{name} is {value:.3f} m, expected {low - beside_m:.3f} to {high + beside_m:.3f}"
                 )
 
-    # What attempts begin with.
+    def _random_place(self, rng: np.random.Generator) -> PlanarPose:
+        x_m, y_m = self._workspace.sample(rng)
+        return PlanarPose(x_m=x_m, y_m=y_m, angle_rad=float(rng.uniform(-0.5 * math.pi, 0.5 * math.pi)))
 
     def _recover(self) -> None:
         self._heartbeat.beat("recovering", cause=self._fault)
@@ -330,79 +275,6 @@ class Ur10Station:
             raise RigPausedError(f"{self._fault}; look at the camera and its cable, then go on with --resume")
         self.recovery.recover(self._fault)
         self._fault, self._holding = "", False
-
-    def _guard(self) -> None:
-        state = self.arm.state()
-        self._readings["temperatures_c"] = [round(value, 1) for value in state.temperatures_c]
-        for fault in (
-            temperature_fault(self._rig.guards, state.temperatures_c),
-            "" if self._data_folder is None else disk_fault(self._rig.guards, self._data_folder),
-        ):
-            if fault:
-                raise RigPausedError(fault)
-
-    def _put_down(self, rng: np.random.Generator) -> None:
-        """Carry what is held to a random place, lower it and let it fall; the stream is used alike if nothing is."""
-        area = self._rig.workspace
-        x_m, y_m = self._workspace.sample(rng)
-        yaw_rad = rng.uniform(-0.5 * math.pi, 0.5 * math.pi)
-        if not self._holding:
-            return
-        pose = PlanarPose(x_m=x_m, y_m=y_m, angle_rad=float(yaw_rad))
-        self.arm.move_to(pose.pose_base_tool(area.lift_height_m))
-        self.arm.move_to(pose.pose_base_tool(area.drop_height_m))
-        self._release()
-        self.arm.move_to(pose.pose_base_tool(area.lift_height_m))
-
-    def _release(self) -> None:
-        """Open the jaws; shake once what sticks to them."""
-        try:
-            self._grip = self.gripper.open()
-        except DeviceLostError:
-            raise
-        except DeviceError as error:
-            self.log.note("jaws did not open", error=str(error))
-            rest = self._here()
-            for offset_m in (self._rig.motion.shake_m, 0.0):
-                goal = rest.copy()
-                goal[:3, 3] += offset_m * rest[:3, 0]
-                self.arm.move_to(goal)
-            self._grip = self.gripper.open()
-
-    def _measure_jaws(self) -> None:
-        """The closed position anew, now and then: pads wear."""
-        every = self._rig.gripper.remeasure_every
-        if not every or self._attempts % every:
-            return
-        found = self.gripper.measure_closed()
-        drift = found - self._rig.gripper.closed_count
-        self.log.note("closed position measured", count=found, drift=drift)
-        if abs(drift) > 3 * max(self._rig.gripper.margin_counts, 1):
-            raise RigPausedError(
-                f"the jaws close at {found} counts, calibrated were {self._rig.gripper.closed_count}: look at the "
-                "pads, then run 'rig calibrate gripper'"
-            )
-        self.gripper.closed_count = found
-
-    def _home(self) -> None:
-        area = self._rig.workspace
-        self.arm.lift_straight(area.pregrasp_height_m, speed_m_s=self._rig.motion.lift_speed_m_s)
-        x_m, y_m = area.centre_m
-        home = PlanarPose(x_m=x_m, y_m=y_m, angle_rad=0.0)
-        self.arm.move_to(home.pose_base_tool(area.overhead_height_m))
-
-    def _watch_table(self, frame: RgbdFrame) -> None:
-        guards = self._rig.guards
-        if not guards.empty_looks:
-            return
-        height_m = height_over_table_m(frame.depth, self._spec.depth_scale_m, self._spec.camera, frame.pose_base_tool)
-        self._readings["highest_m"] = round(height_m, 4)
-        self._empty_looks = self._empty_looks + 1 if height_m < guards.objects_height_m else 0
-        if self._empty_looks >= guards.empty_looks:
-            raise RigPausedError(
-                f"nothing on the table stands higher than {height_m:.3f} m in {counted(self._empty_looks, 'picture')}: "
-                "refill it"
-            )
 
     @contextmanager
     def _paused_told(self) -> Iterator[None]:
@@ -435,7 +307,7 @@ class Ur10Station:
             raise PhaseAbortedError(phase, str(error)) from error
         except DeviceError as error:
             self._failed(phase, error)
-            self._camera_lost = phase == "look" and "no usable picture" in str(error)
+            self._camera_lost = phase == "look" and isinstance(error, CameraLostError)
             raise DeviceFaultError(phase, str(error)) from error
 
     def _failed(self, phase: str, error: DeviceError) -> None:

@@ -21,7 +21,7 @@ from tests.support.fuzz_sources import command
 from handsight.collection.sim.objects.catalogue import load_object_set
 from handsight.collection.sim.objects.meshes.plan import plan_import
 from handsight.collection.ur10.rig_file import load_rig
-from handsight.collection.ur10.station import Ur10StationFactory
+from handsight.collection.ur10.station_factory import Ur10StationFactory
 from handsight.datasets import GraspDataset
 from handsight.datasets.inputs.materialize import materialize
 from handsight.training.run import load_run

@@ -10,7 +10,7 @@ from tests.support.emulated_rig import RunningRig
 from handsight.collection.sim.config import D435_ON_GRIPPER
 from handsight.collection.ur10.calibration import Calibration, CameraCalibration, save_calibration
 from handsight.collection.ur10.rig_file import load_rig
-from handsight.collection.ur10.station import Ur10StationFactory
+from handsight.collection.ur10.station_factory import Ur10StationFactory
 
 SERIAL = "934222071234"
 """Of the emulated camera."""

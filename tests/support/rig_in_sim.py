@@ -26,7 +26,8 @@ from handsight.collection.sim.station import SimStation, SimStationFactory
 from handsight.collection.ur10.emulator.physics import ARM_YIELD_N
 from handsight.collection.ur10.rig import MotionConfig
 from handsight.collection.ur10.rig_file import load_rig
-from handsight.collection.ur10.station import Ur10Station, Ur10StationFactory
+from handsight.collection.ur10.station import Ur10Station
+from handsight.collection.ur10.station_factory import Ur10StationFactory
 from handsight.evaluation.evaluate import EvaluationSettings, TrialContextFactory, evaluate, method_names
 from handsight.evaluation.results import result_rows
 from handsight.servoing.loop import ServoSettings
@@ -58,7 +59,7 @@ class RefilledStation(Ur10Station):
 
     def __init__(self, factory: RefilledFactory) -> None:
         """Connect; see the factory."""
-        super().__init__(factory)
+        super().__init__(factory.rig, factory.calibration, factory.spec, data_folder=factory.data_folder)
         self._control = (factory.rig.robot.address, factory.control_port)
 
     def reset(self, rng: np.random.Generator) -> None:

@@ -9,16 +9,36 @@ from pathlib import Path
 from tests.support.factories import make_attempt, make_header, record
 
 from handsight.datasets import GraspDataset, GraspRepository, Outcome
+from handsight.training.course import Epoch
 from handsight.training.gqn import GqnConfig
+from handsight.training.metrics import Metrics
 from handsight.training.settings import TrainSettings
+from handsight.training.sweep.cell import Cell
 from handsight.training.sweep.plan import SweepPlan
 from handsight.training.sweep.prepare import plan_sweep
+from handsight.training.sweep.result import CellResult, ObjectScore, Prediction
 
 OBJECTS = ("apple", "cup", "duck", "egg", "fork", "jar")
 RECIPE = TrainSettings(
     network=GqnConfig(widths=(4, 4), kernels=(3, 3), dense=(8,), size_px=16), epochs=2, least_epochs=1, batch=16
 )
 """A network that is trained in a moment."""
+CELL = Cell(dataset=0, channels="rgb", size=5, trial=0, varied=(("mixup", "0"),))
+HELD_OUT = Metrics(attempts=9, accuracy=0.75, auc=0.9, loss=0.5)
+RESULT = CellResult(
+    tested=HELD_OUT,
+    predictions=(Prediction(attempt="a-1", group="cup", success=True, score=0.75),),
+    objects={"cup": ObjectScore(attempts=4, correct=3)},
+    curve=(Epoch(number=1, train_loss=0.5, held_out=HELD_OUT), Epoch(number=2, train_loss=0.4, held_out=HELD_OUT)),
+    epochs=2,
+    kept_epoch=1,
+    trained_on=5,
+    held_out_attempts=10,
+    pool=40,
+    seconds=1.5,
+    processor_s=1.25,
+)
+"""What became of that cell."""
 
 
 def make_swept(path: Path, *, attempts: int = 60, seed: int = 1) -> str:

@@ -13,7 +13,8 @@ from tests.support.emulated_rig import RunningRig
 
 from handsight.collection.policy import Pregrasp
 from handsight.collection.station import Station
-from handsight.collection.ur10.station import Ur10Station, Ur10StationFactory
+from handsight.collection.ur10.station import Ur10Station
+from handsight.collection.ur10.station_factory import Ur10StationFactory
 from handsight.datasets.records import SceneObjects
 from handsight.servoing.planar import PlanarPose
 
@@ -46,7 +47,7 @@ class WatchedStation(Ur10Station):
 
     def __init__(self, factory: WatchedFactory) -> None:
         self._watched, self._at_phase = factory.watched, factory.at_phase
-        super().__init__(factory)
+        super().__init__(factory.rig, factory.calibration, factory.spec, data_folder=factory.data_folder)
 
     @property
     def holding(self) -> bool:

@@ -16,7 +16,7 @@ from handsight.cli.app import run
 from handsight.collection.sim.config import D435_ON_GRIPPER
 from handsight.collection.ur10.calibration import load_calibration, save_calibration
 from handsight.collection.ur10.rig_file import load_rig
-from handsight.collection.ur10.station import Ur10StationFactory
+from handsight.collection.ur10.station_factory import Ur10StationFactory
 from handsight.datasets import GraspDataset
 
 BESIDE_M = (0.45, 0.3, 0.03)

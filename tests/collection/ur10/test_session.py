@@ -25,7 +25,7 @@ from handsight.collection.policy import Pregrasp, UniformPolicy
 from handsight.collection.ur10.gripper import GripResult
 from handsight.collection.ur10.robotiq import Robotiq
 from handsight.collection.ur10.session import RigReport, collect_on_rig
-from handsight.collection.ur10.station import Ur10StationFactory
+from handsight.collection.ur10.station_factory import Ur10StationFactory
 from handsight.datasets import GraspDataset, GraspRepository
 from handsight.datasets.errors import StorageError
 from handsight.datasets.records import GraspAttempt

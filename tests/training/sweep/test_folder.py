@@ -4,30 +4,11 @@ import json
 from pathlib import Path
 
 import pytest
+from tests.support.swept import CELL, HELD_OUT, RESULT
 
 from handsight.datasets.held import lock_of
-from handsight.training.course import Epoch
 from handsight.training.errors import SweepFolderError, TrainingDataError
-from handsight.training.metrics import Metrics
-from handsight.training.sweep.cell import Cell
 from handsight.training.sweep.folder import CURVE, FAILURE, METRICS, PREDICTIONS, SweepFolder
-from handsight.training.sweep.result import CellResult, ObjectScore, Prediction
-
-CELL = Cell(dataset=0, channels="rgb", size=5, trial=0, varied=(("mixup", "0"),))
-HELD_OUT = Metrics(attempts=9, accuracy=0.75, auc=0.9, loss=0.5)
-RESULT = CellResult(
-    tested=HELD_OUT,
-    predictions=(Prediction(attempt="a-1", group="cup", success=True, score=0.75),),
-    objects={"cup": ObjectScore(attempts=4, correct=3)},
-    curve=(Epoch(number=1, train_loss=0.5, held_out=HELD_OUT), Epoch(number=2, train_loss=0.4, held_out=HELD_OUT)),
-    epochs=2,
-    kept_epoch=1,
-    trained_on=5,
-    held_out_attempts=10,
-    pool=40,
-    seconds=1.5,
-    processor_s=1.25,
-)
 
 
 def test_a_cell_comes_from_left_by_running_to_done(tmp_path: Path) -> None:

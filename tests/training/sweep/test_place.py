@@ -7,8 +7,7 @@ from pathlib import Path
 
 import pytest
 from tests.support.s3_server import empty_bucket, s3_server
-from tests.support.swept import make_swept, swept_plan
-from tests.training.sweep.test_folder import CELL, RESULT
+from tests.support.swept import CELL, RESULT, make_swept, swept_plan
 
 from handsight.datasets.address import S3Prefix
 from handsight.datasets.errors import StorageError
