@@ -15,7 +15,7 @@ CPU = torch.device("cpu")
     ("capabilities", "native"),
     [
         ({"architecture": "x86_64", "avx2": True, "avx512_f": True, "avx512_bf16": False}, False),
-        ({"architecture": "x86_64", "avx512_bf16": True, "amx_bf16": False}, True),
+        ({"architecture": "x86_64", "avx512_bf16": True, "amx_bf16": False}, False),
         ({"architecture": "x86_64", "amx_bf16": True}, True),
         ({"architecture": "aarch64", "neon": True, "bf16": True}, True),
         ({}, False),
