@@ -1,7 +1,7 @@
 """In which numbers a network computes: float32, or bfloat16 where the processor has matrix instructions for it.
 
-Without them bfloat16 is slower than float32. The dot products of AVX-512 do not suffice: on a Xeon that has these and no
-AMX ``train()`` got through 3,260 inputs a second in bfloat16 and 3,800 in float32 (RGB-D; 4,150 and 4,700 of depth).
+Without them bfloat16 is slower than float32. The dot products of AVX-512 do not suffice: on a Xeon that has these and
+no AMX ``train()`` got through 3,260 inputs a second in bfloat16 and 3,800 in float32 (RGB-D; depth 4,150 and 4,700).
 """
 
 from __future__ import annotations
@@ -16,7 +16,8 @@ Precision = Literal["float32", "bfloat16", "auto"]
 """``auto`` is bfloat16 where that is faster, else float32: what it computes depends on the machine."""
 
 _NATIVE_BFLOAT16 = ("amx_bf16", "bf16", "sve_bf16")
-"""Names of the instruction sets that multiply matrices of bfloat16, of x86 and ARM, as ``torch.cpu.get_capabilities`` has them."""
+"""Names of the instruction sets that multiply matrices of bfloat16, of x86 and ARM, in the words of
+``torch.cpu.get_capabilities``."""
 
 
 def dtype_for(precision: Precision, device: torch.device) -> torch.dtype:

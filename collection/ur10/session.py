@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING
 
 from handsight.collection.attempt import attempt_seed, run_attempt
 from handsight.collection.collector import CollectReport, CollectSettings, open_writer, session_header
-from handsight.collection.errors import RigPausedError
+from handsight.collection.errors import CollectionError, RigPausedError
+from handsight.collection.ur10.alarm import sound_alarm
 from handsight.collection.ur10.guards import SuccessWindow
 from handsight.collection.ur10.rig import GuardConfig
 from handsight.collection.ur10.station import Ur10Station
@@ -52,7 +53,8 @@ def collect_on_rig(
         on_attempt: Called with every attempt once it is committed, and the number that the session then holds.
 
     Raises:
-        DeviceError: A device is missing from the start.
+        DeviceError: A device is missing from the start; with ``resume`` the alarm has told of it, as a service may have
+            begun the session anew.
         StorageError: The dataset cannot be opened for writing.
         Exception: What nobody thought of; the alarm has told of it.
     """
@@ -62,7 +64,7 @@ def collect_on_rig(
     successes, paused = 0, ""
     with closing(writer):
         if resumed_from < settings.attempts:
-            with closing(factory()) as station:
+            with closing(_opened(factory, unattended=resume)) as station:
                 try:
                     for attempt in _committed(station, writer, settings, factory.rig.guards):
                         kept += 1
@@ -76,6 +78,15 @@ def collect_on_rig(
     return RigReport(
         session=writer.session, resumed_from=resumed_from, attempts=kept, successes=successes, paused=paused
     )
+
+
+def _opened(factory: Ur10StationFactory, *, unattended: bool) -> Ur10Station:
+    try:
+        return factory()
+    except CollectionError as error:
+        if unattended:
+            sound_alarm(factory.rig.alarm, f"handsight rig {factory.rig.robot.address} cannot begin: {error}")
+        raise
 
 
 def _committed(

@@ -20,7 +20,7 @@ from tests.support.rig_faults import Matrix
 from tests.support.rig_person import repair
 
 from handsight.collection.collector import CollectSettings
-from handsight.collection.errors import DeviceLostError
+from handsight.collection.errors import DeviceError, DeviceLostError
 from handsight.collection.policy import Pregrasp, UniformPolicy
 from handsight.collection.ur10.gripper import GripResult
 from handsight.collection.ur10.robotiq import Robotiq
@@ -121,6 +121,20 @@ def test_whatever_ends_a_session_is_told(matrix: Matrix, tmp_path: Path) -> None
             CollectSettings(attempts=1, policy=Broken()),
         )
     assert "ZeroDivisionError: nobody thought of it" in matrix.alarms.heard[-1]
+
+
+@pytest.mark.parametrize("resume", [False, True])
+def test_that_a_session_cannot_go_on_is_told_as_a_service_may_have_tried(
+    matrix: Matrix, tmp_path: Path, *, resume: bool
+) -> None:
+    rig = matrix.factory.rig
+    absent = replace(matrix.factory, rig=replace(rig, camera=replace(rig.camera, address="127.0.0.251")))
+    repository = GraspRepository.open_or_create(tmp_path / "grasps")
+    heard = len(matrix.alarms.heard)
+    with pytest.raises(DeviceError, match="camera") as found:
+        collect_on_rig(repository, absent, CollectSettings(attempts=1), resume=resume)
+    told = [f"handsight rig {rig.robot.address} cannot begin: {found.value}"] if resume else []
+    assert matrix.alarms.heard[heard:] == told
 
 
 def test_what_was_told_of_is_kept_and_the_session_goes_on_behind_it(matrix: Matrix, tmp_path: Path) -> None:
