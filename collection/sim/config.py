@@ -36,7 +36,7 @@ TOUCH_MARGIN_M = 0.008
 """The descent is slow from so far above the first touch on."""
 
 
-PHYSICS_VERSION = 2
+PHYSICS_VERSION = 3
 """Recorded with every session, and raised whenever equal settings and seeds stop giving equal attempts: those recorded
 under another version cannot be simulated again. Sessions that say nothing have version 1."""
 

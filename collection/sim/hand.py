@@ -9,6 +9,8 @@ a thin object that they would otherwise squeeze into the table.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -107,6 +109,16 @@ class Hand:
         """
         contacts = self._bullet.getContactPoints(bodyA=self._body)
         return float(sum(contact[9] for contact in contacts if contact[2] != self._body))
+
+    @property
+    def arm_clearance_m(self) -> float:
+        """How near anything is to the arm above the hand [m], as far as Bullet looks ahead; infinite beyond.
+
+        The arm does not yield as the hand does, so what it would touch is not left to be felt.
+        """
+        contacts = self._bullet.getContactPoints(bodyA=self._body)
+        near_m = [contact[8] for contact in contacts if contact[2] != self._body and 0 <= contact[3] < self._slide]
+        return float(min(near_m, default=math.inf))
 
     @property
     def contact_n(self) -> NDArray[np.float64]:

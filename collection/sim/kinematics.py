@@ -22,11 +22,13 @@ REFERENCE_RAD = np.array([np.pi, -1.2, 1.6, -2.0, -0.5 * np.pi, 0.0])
 TIE_SHARE = 1e-6
 """Weight of the shoulder's turn beside that of the joint that turns farthest."""
 
+UPPER_ARM_M, FOREARM_M = 0.612, 0.5723
+
 # Denavit-Hartenberg parameters as Universal Robots publishes them for the UR10 ("DH Parameters for calculations of
 # kinematics and dynamics"). The first frame is the controller's base frame, the last one the flange.
 _UR10 = DhRobot(
     dh_alpha=np.array([0.5 * np.pi, 0.0, 0.0, 0.5 * np.pi, -0.5 * np.pi, 0.0]),  # rad
-    dh_a=np.array([0.0, -0.612, -0.5723, 0.0, 0.0, 0.0]),  # m
+    dh_a=np.array([0.0, -UPPER_ARM_M, -FOREARM_M, 0.0, 0.0, 0.0]),  # m
     dh_d=np.array([0.1273, 0.0, 0.0, 0.163941, 0.1157, 0.0922]),  # m
 )
 
@@ -37,10 +39,11 @@ def joints_for(
     """Joint angles [rad], shape (6,), that put the fingertips at ``pose_base_tool``, closest to ``near_rad``.
 
     Raises:
-        UnreachableError: No solution within the joint limits on the elbow-up branch.
+        UnreachableError: No solution within the joint limits that reaches forward with the elbow up.
     """
     candidates = _unwrap(_solutions(pose_base_tool), near_rad)  # (S, 6)
-    reachable = candidates[(np.abs(candidates) <= JOINT_LIMITS_RAD).all(axis=1)]
+    within = (np.abs(candidates) <= JOINT_LIMITS_RAD).all(axis=1) & _reaches_forward(candidates)
+    reachable = candidates[within]
     if len(reachable):
         travel_rad = np.abs(reachable - near_rad)
         # The joint that turns farthest decides, among two elbows with the same shoulder and wrist the solver's order,
@@ -70,6 +73,17 @@ def _unwrap(solutions: NDArray[np.float64], near_rad: NDArray[np.float64]) -> ND
     turns = np.round((near_rad - solutions) / (2 * np.pi))
     unwrapped: NDArray[np.float64] = solutions + 2 * np.pi * turns
     return unwrapped
+
+
+def _reaches_forward(joints_rad: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Whether the wrist is on the side that the shoulder faces. Shapes (S, 6), (S,).
+
+    Bent backwards over its shoulder the arm reaches the same poses, with the upper arm down on the table.
+    """
+    reach_m: NDArray[np.float64] = UPPER_ARM_M * np.cos(joints_rad[:, 1]) + FOREARM_M * np.cos(
+        joints_rad[:, 1] + joints_rad[:, 2]
+    )
+    return reach_m > 0
 
 
 def _on_branch(joints_rad: NDArray[np.float64]) -> bool:

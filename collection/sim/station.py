@@ -34,6 +34,8 @@ from handsight.servoing.planar import PlanarPose
 
 CLOSE_SPEED_M_S = 0.1
 CLOSE_LIMIT_S = 1.0
+ARM_CLEARANCE_M = 0.005
+"""The descent ends where anything is so near to the arm above the hand: three physics ticks at full speed."""
 STALLED_SPEED_M_S = 0.002
 STALLED_TICKS = 6
 TABLE_SEED = 0
@@ -289,7 +291,7 @@ class SimStation:
         def touched() -> bool:
             nonlocal force_n
             force_n = hand.contact_force_n
-            return force_n >= self._config.contact_force_n
+            return force_n >= self._config.contact_force_n or hand.arm_clearance_m < ARM_CLEARANCE_M
 
         stopped = self._arm.move_line(goal, self._step, phase="descend", stop=touched, slow_from_m=slow_from_m)
         return Descent(contact_force_n=force_n if stopped else 0.0, pose_base_tool=hand.pose_base_tool)

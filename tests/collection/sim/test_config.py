@@ -19,7 +19,7 @@ RECORDED = (
     '"gripper": "2f-85", "closed_width_m": 0.001, "grip_force_n": 40.0, "finger_friction": 1.8, '
     '"sticky_contacts": true, "physics_hz": 240, "solver_iterations": 50, "solver_residual": 0.0001, '
     '"grip_iterations": 100, "settle_limit_s": 5.0, "vary": ["table", "light"], "renderer": "tiny", '
-    '"gripper_stroke_m": 0.085, "physics": 2}'
+    '"gripper_stroke_m": 0.085, "physics": 3}'
 )
 """As a session has stored them."""
 

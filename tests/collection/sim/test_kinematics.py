@@ -70,6 +70,14 @@ def test_of_two_solutions_by_symmetry_the_arm_takes_that_of_its_branch(x_m: floa
     assert abs(joints_rad[0] - REFERENCE_RAD[0]) < 0.5
 
 
+def test_the_arm_does_not_bend_over_its_shoulder() -> None:
+    """It did at one of 15,000 random grasps, and pressed the upper arm into the table: the last wrist turned less."""
+    overhead = joints_for(PlanarPose(x_m=0.65, y_m=0.0, angle_rad=0.0).pose_base_tool(0.5), REFERENCE_RAD)
+    pose = PlanarPose(x_m=0.43905, y_m=0.26817, angle_rad=-1.54138).pose_base_tool(0.4)
+    turned_rad = joints_for(pose, overhead)[0] - REFERENCE_RAD[0]
+    assert abs(turned_rad - np.arctan2(0.26817, 0.43905)) < 0.6
+
+
 @given(x_m=st.floats(0.45, 0.85), y_m=st.floats(-0.2, 0.2), dx_m=st.floats(-0.01, 0.01), dy_m=st.floats(-0.01, 0.01))
 def test_neighbouring_poses_have_neighbouring_joints(x_m: float, y_m: float, dx_m: float, dy_m: float) -> None:
     """The arm stays on one branch: a centimetre never flips elbow or wrist."""

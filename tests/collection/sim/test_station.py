@@ -90,6 +90,17 @@ def test_contact_is_no_more_than_a_robot_bears(station: SimStation) -> None:
     assert all(SimConfig().contact_force_n <= force_n <= 60 for force_n in touched)
 
 
+def test_the_arm_stops_above_what_stands_under_its_elbow() -> None:
+    """A hammer on its head, 0.24 m tall, is met by the forearm while the fingers are still above the table."""
+    station = SimStation(SimConfig(objects="household-train"))
+    try:
+        recorded = run_attempt(station, UniformPolicy(), 6634, attempt_seed(0, 6634))
+    finally:
+        station.close()
+    assert recorded.outcome is Outcome.EMPTY
+    assert recorded.contact_force_n < 150
+
+
 def test_a_scene_that_does_not_settle_is_drawn_again_and_counted() -> None:
     """With so little time about half of the scenes settle; the next is drawn by the attempt's own generator."""
     hasty = SimStation(SimConfig(settle_limit_s=0.8))
