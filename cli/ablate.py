@@ -271,7 +271,7 @@ def ablate_status(folder: SweepFolderArgument, workers: Workers = 2, as_json: Js
     seconds = estimate(plan, left, done, workers=workers, speeds=None).seconds if done else None
     points: dict[tuple[str, int | None], list[str]] = {}
     for cell, state in states.items():
-        points.setdefault((cell.series, cell.size), []).append(state)
+        points.setdefault((cell.series(plan.dataset_names), cell.size), []).append(state)
     names = ("done", "failed", "running", "left")
     counts = {point: [some.count(name) for name in names] for point, some in points.items()}
     if as_json:

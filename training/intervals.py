@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import stats
@@ -27,6 +27,12 @@ class MeanOverTrials:
     trials: int
     p: float | None
     """Of the mean being 0, two-sided; None of a single trial. For differences."""
+
+    def as_share(self) -> MeanOverTrials:
+        """The same of a share: no further than from 0 to 1, where a share must lie."""
+        if self.low is None or self.high is None:
+            return self
+        return replace(self, low=max(self.low, 0.0), high=min(self.high, 1.0))
 
 
 def mean_over_trials(values: Sequence[float], *, held_out: float) -> MeanOverTrials:

@@ -87,11 +87,8 @@ def command_of(plan: SweepPlan) -> str:
 
 def _data(plan: SweepPlan) -> str:
     return _table(
-        ("data", "dataset", "snapshot", "digest", "picture", "labelled attempts"),
-        [
-            (str(at), one.address, one.snapshot, one.digest[:16], one.viewpoint, f"{one.attempts:,}")
-            for at, one in enumerate(plan.datasets)
-        ],
+        ("dataset", "snapshot", "digest", "picture", "labelled attempts"),
+        [(one.address, one.snapshot, one.digest[:16], one.viewpoint, f"{one.attempts:,}") for one in plan.datasets],
     )
 
 

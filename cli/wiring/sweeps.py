@@ -98,7 +98,9 @@ def write_tables(plan: SweepPlan, place: SweepPlace) -> dict[str, Any]:
     out = place.folder
     folder = SweepFolder(out)
     results = folder.results(plan.cells())
-    rows, differences, objects = sweep_rows(results), sweep_differences(results), object_rows(results)
+    named = plan.dataset_names
+    rows, differences = sweep_rows(results, named), sweep_differences(results, named)
+    objects = object_rows(results, named)
     state_of = {cell: folder.state(cell) for cell in plan.cells()}
     counts = {state: list(state_of.values()).count(state) for state in ("done", "failed", "running", "left")}
     write_text(out / "cells.csv", _cells_csv(results))

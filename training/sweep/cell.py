@@ -44,10 +44,13 @@ class Cell:
         parts += [f"data={self.dataset}"] if self.dataset else []
         return "-".join([*parts, *(f"{name}={value}" for name, value in self.varied)])
 
-    @property
-    def series(self) -> str:
-        """What it shares with cells of other sizes and trials: a line of the figure."""
-        parts = [self.channels, *([f"data={self.dataset}"] if self.dataset else [])]
+    def series(self, datasets: Sequence[str] = ()) -> str:
+        """What it shares with cells of other sizes and trials: a line of the figure.
+
+        Args:
+            datasets: What those of the plan are called, where there are several.
+        """
+        parts = [self.channels, *([datasets[self.dataset]] if len(datasets) > 1 else [])]
         return " ".join([*parts, *(f"{name}={value}" for name, value in self.varied)])
 
     def settings(self, recipe: TrainSettings, seed: int) -> TrainSettings:

@@ -66,6 +66,12 @@ class SweepPlan:
     """Digests of the divisions of each dataset, trial by trial."""
     handsight: str = __version__
 
+    @property
+    def dataset_names(self) -> tuple[str, ...]:
+        """What its datasets are called in tables: the last parts of their addresses, if that tells them apart."""
+        short = tuple(one.address.rpartition("/")[2] for one in self.datasets)
+        return short if len(set(short)) == len(short) else tuple(one.address for one in self.datasets)
+
     def __post_init__(self) -> None:
         faults = axis_faults(self.channels, self.sizes, self.varied, self.recipe)
         if not 1 <= self.trials <= MOST_TRIALS:

@@ -52,26 +52,31 @@ class ObjectRow:
     correct: int
 
 
-def sweep_rows(results: Results) -> list[SweepRow]:
-    """A row for each series and size that has results, in the order of the cells."""
+def sweep_rows(results: Results, datasets: Sequence[str] = ()) -> list[SweepRow]:
+    """A row for each series and size that has results, in the order of the cells.
+
+    Args:
+        results: By cell.
+        datasets: What those of the plan are called, where there are several.
+    """
     return [
         SweepRow(
-            series=some[0][0].series,
+            series=some[0][0].series(datasets),
             channels=some[0][0].channels,
             size=some[0][0].size,
             trained_on=sum(result.trained_on for _, result in some) / len(some),
-            accuracy=_mean([result.tested.accuracy or 0.0 for _, result in some], some),
-            auc=_mean([result.tested.auc or 0.0 for _, result in some], some),
+            accuracy=_mean([result.tested.accuracy or 0.0 for _, result in some], some).as_share(),
+            auc=_mean([result.tested.auc or 0.0 for _, result in some], some).as_share(),
         )
-        for some in _points(results)
+        for some in _points(results, datasets)
     ]
 
 
-def sweep_differences(results: Results) -> list[SweepDifference]:
+def sweep_differences(results: Results, datasets: Sequence[str] = ()) -> list[SweepDifference]:
     """Every two series that differ in one thing, at every size that both have a trial of."""
     points = {
-        (some[0][0].series, some[0][0].size): {cell.trial: (cell, found) for cell, found in some}
-        for some in _points(results)
+        (some[0][0].series(datasets), some[0][0].size): {cell.trial: (cell, found) for cell, found in some}
+        for some in _points(results, datasets)
     }
     differences = []
     for ((one, size), first), ((other, other_size), second) in combinations(points.items(), 2):
@@ -92,17 +97,17 @@ def sweep_differences(results: Results) -> list[SweepDifference]:
     return differences
 
 
-def object_rows(results: Results) -> list[ObjectRow]:
+def object_rows(results: Results, datasets: Sequence[str] = ()) -> list[ObjectRow]:
     """Every object at every point, the worst judged first."""
     rows = []
-    for some in _points(results):
+    for some in _points(results, datasets):
         judged: dict[str, list[ObjectScore]] = defaultdict(list)
         for _, result in some:
             for name, score in result.objects.items():
                 judged[name].append(score)
         found = [
             ObjectRow(
-                series=some[0][0].series,
+                series=some[0][0].series(datasets),
                 size=some[0][0].size,
                 object=name,
                 attempts=sum(score.attempts for score in scores),
@@ -114,11 +119,11 @@ def object_rows(results: Results) -> list[ObjectRow]:
     return rows
 
 
-def _points(results: Results) -> list[list[tuple[Cell, CellResult]]]:
+def _points(results: Results, datasets: Sequence[str]) -> list[list[tuple[Cell, CellResult]]]:
     """The results of each series and size, by size and then in the order of the series."""
     points: dict[tuple[str, int | None], list[tuple[Cell, CellResult]]] = defaultdict(list)
     for cell, result in results.items():
-        points[cell.series, cell.size].append((cell, result))
+        points[cell.series(datasets), cell.size].append((cell, result))
     order = list(dict.fromkeys(series for series, _ in points))
     return [points[key] for key in sorted(points, key=lambda key: (key[1] is None, key[1] or 0, order.index(key[0])))]
 

@@ -46,10 +46,12 @@ def sweep_section(folder: Path, command: str) -> Section:
         )
     states = [cells.state(cell) for cell in plan.cells()]
     failed = [(cell.name, cells.failure(cell)) for cell in plan.cells() if cells.state(cell) == "failed"]
-    rows, objects = sweep_rows(results), object_rows(results)
+    named = plan.dataset_names
+    rows, objects = sweep_rows(results, named), object_rows(results, named)
     plot = f"handsight ablate plot {shlex.quote(str(folder))}"
     tally = {state: states.count(state) for state in ("done", "failed", "running", "left")}
-    blocks = [_figure(rows, objects, plot), _rows(rows, plot), *_differences(sweep_differences(results), plot)]
+    differences = sweep_differences(results, named)
+    blocks = [_figure(rows, objects, plot), _rows(rows, plot), *_differences(differences, plot)]
     if failed:
         blocks.append(
             Table(caption="Cells that failed", head=("cell", "why"), rows=tuple(failed), prose=frozenset({1}))

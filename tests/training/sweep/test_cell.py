@@ -29,7 +29,7 @@ def test_cells_have_names_of_their_own() -> None:
         "rgb-500-003-mixup=0.2",
         "rgb-500-003-mixup=0-balance=on",
     ]
-    assert cells[5].series == "rgb mixup=0 balance=on"
+    assert cells[5].series() == "rgb mixup=0 balance=on"
     for cell in cells:
         assert Cell.from_json(json.loads(json.dumps(asdict(cell)))) == cell
 

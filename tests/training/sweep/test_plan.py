@@ -98,3 +98,14 @@ def test_sizes_are_the_usual_ones_as_far_as_there_are_attempts(tmp_path: Path) -
 def test_a_plan_out_of_range_is_refused(plan: SweepPlan, changes: dict[str, float]) -> None:
     with pytest.raises(SweepPlanError, match="expected"):
         replace(plan, **changes)  # type: ignore[arg-type]
+
+
+def test_datasets_are_called_by_the_last_part_of_their_address_unless_two_end_alike(plan: SweepPlan) -> None:
+    one = plan.datasets[0]
+
+    def names(*addresses: str) -> tuple[str, ...]:
+        datasets = tuple(replace(one, address=address) for address in addresses)
+        return replace(plan, datasets=datasets, divisions=plan.divisions * len(datasets)).dataset_names
+
+    assert names("/data/clean@v1", "s3://lab/noisy@v1") == ("clean@v1", "noisy@v1")
+    assert names("a/grasps@v1", "b/grasps@v1") == ("a/grasps@v1", "b/grasps@v1")

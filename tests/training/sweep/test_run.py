@@ -223,7 +223,7 @@ def test_two_datasets_are_compared_on_the_same_objects(grasps: str, tmp_path: Pa
     settle(folder.path, plan)
     assert run_sweep(plan, folder, workers=1, engine=Threads()).trained == 4
     found = folder.results(plan.cells())
-    assert {cell.series for cell in found} == {"depth", "depth data=1"}
+    assert {cell.series(("clean", "noisy")) for cell in found} == {"depth clean", "depth noisy"}
     for trial in range(2):
         first, second = ({*result.objects} for cell, result in found.items() if cell.trial == trial)
         assert first == second

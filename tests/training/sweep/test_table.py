@@ -57,6 +57,26 @@ def test_rows_are_means_by_size_with_all_attempts_last() -> None:
     assert rows[3].trained_on == 80
 
 
+def test_series_of_several_datasets_are_called_by_them() -> None:
+    twice = {**FOUND, **{replace(cell, dataset=1): result for cell, result in FOUND.items()}}
+    named = ("clean@v1", "noisy@v1")
+    at_50 = [row.series for row in sweep_rows(twice, named) if row.size == 50]
+    assert at_50 == ["rgb clean@v1", "depth clean@v1", "rgb noisy@v1", "depth noisy@v1"]
+    pairs = {(row.series, row.against) for row in sweep_differences(twice, named) if row.size == 50}
+    assert ("rgb clean@v1", "rgb noisy@v1") in pairs
+    assert ("rgb clean@v1", "depth noisy@v1") not in pairs
+
+
+def test_no_interval_of_a_share_leaves_nought_to_one() -> None:
+    row = next(row for row in sweep_rows(FOUND) if (row.series, row.size) == ("depth", 50))
+    assert row.accuracy.high == 1.0
+    difference = sweep_differences(
+        results({("rgb", 50, 0): 0.1, ("rgb", 50, 1): 0.9, ("depth", 50, 0): 0.9, ("depth", 50, 1): 0.1})
+    )[0]
+    assert difference.accuracy.low is not None
+    assert difference.accuracy.low < -1
+
+
 def test_differences_are_of_trials_that_both_have() -> None:
     (difference,) = sweep_differences(FOUND)
     assert (difference.series, difference.against, difference.size) == ("rgb", "depth", 50)
