@@ -34,21 +34,21 @@ class BetweenAttempts:
         self._data_folder = data_folder
         self._empty_looks = 0
 
-    def guard(self) -> dict[str, Any]:
-        """The joints' temperatures, for the attempt's readings.
+    def guard(self, readings: dict[str, Any]) -> None:
+        """Look at temperatures and disk; what is read goes to the attempt's readings, also where it pauses the rig.
 
         Raises:
             RigPausedError: A joint is too hot, or the disk nearly full.
             DeviceError: The arm does not answer.
         """
         temperatures_c = self._arm.state().temperatures_c
+        readings["temperatures_c"] = [round(value, 1) for value in temperatures_c]
         for fault in (
             temperature_fault(self._rig.guards, temperatures_c),
             "" if self._data_folder is None else disk_fault(self._rig.guards, self._data_folder),
         ):
             if fault:
                 raise RigPausedError(fault)
-        return {"temperatures_c": [round(value, 1) for value in temperatures_c]}
 
     def put_down(self, pose: PlanarPose) -> None:
         """Carry what is held to a place, lower it and let it fall.
@@ -94,23 +94,23 @@ class BetweenAttempts:
         home = PlanarPose(x_m=x_m, y_m=y_m, angle_rad=0.0)
         self._arm.move_to(home.pose_base_tool(area.overhead_height_m))
 
-    def watch_table(self, frame: RgbdFrame, spec: StationSpec) -> dict[str, Any]:
-        """How high what lies on the table stands, for the attempt's readings.
+    def watch_table(self, frame: RgbdFrame, spec: StationSpec, readings: dict[str, Any]) -> None:
+        """Look for anything on the table; how high it stands goes to the attempt's readings.
 
         Raises:
             RigPausedError: Nothing lay there in as many pictures as the rig allows.
         """
         guards = self._rig.guards
         if not guards.empty_looks:
-            return {}
+            return
         height_m = height_over_table_m(frame.depth, spec.depth_scale_m, spec.camera, frame.pose_base_tool)
+        readings["highest_m"] = round(height_m, 4)
         self._empty_looks = self._empty_looks + 1 if height_m < guards.objects_height_m else 0
         if self._empty_looks >= guards.empty_looks:
             raise RigPausedError(
                 f"nothing on the table stands higher than {height_m:.3f} m in {counted(self._empty_looks, 'picture')}: "
                 "refill it"
             )
-        return {"highest_m": round(height_m, 4)}
 
     def _release(self) -> None:
         """Open the jaws; shake once what sticks to them."""

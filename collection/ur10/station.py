@@ -146,7 +146,7 @@ class Ur10Station:
         with self._phase("settle"):
             # Drawn whether or not it is used: the stream shall not depend on what was held.
             place = self._random_place(rng)
-            self._readings |= self._between.guard()
+            self._between.guard(self._readings)
             if self._holding:
                 self._between.put_down(place)
             self._between.measure_jaws(self._attempts)
@@ -171,7 +171,7 @@ class Ur10Station:
         self._readings.setdefault("depth_valid", []).append(round(picture.valid, 4))
         if pose[2, 3] > self._rig.workspace.overhead_height_m - 0.01:
             with self._paused_told():
-                self._readings |= self._between.watch_table(frame, self._spec)
+                self._between.watch_table(frame, self._spec, self._readings)
         return frame
 
     def reach(self, pose: PlanarPose) -> None:
