@@ -75,6 +75,9 @@ class Touch:
     """Upward, over the baseline: the greatest until the arm stood; 0 without contact."""
     baseline_n: float
     tcp_pose: tuple[float, ...]
+    """Where the arm stands afterwards."""
+    first_tcp_pose: tuple[float, ...]
+    """Where the first of the readings over the threshold was taken: as ``tcp_pose`` without contact."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -225,11 +228,14 @@ class ArmClient:
         """
         baseline_n = self.baseline_n(baseline_s)
         over, peak_n = 0, 0.0
+        first_tcp_pose: tuple[float, ...] = ()
 
         def touched(state: ArmState) -> bool:
-            nonlocal over, peak_n
+            nonlocal over, peak_n, first_tcp_pose
             force_n = state.force_n[2] - baseline_n
             over = over + 1 if force_n >= threshold_n else 0
+            if over == 1:
+                first_tcp_pose = state.tcp_pose
             peak_n = max(peak_n, force_n)
             return over >= samples
 
@@ -243,7 +249,11 @@ class ArmClient:
             state = self.standstill()
             peak_n = max(peak_n, state.force_n[2] - baseline_n)
         return Touch(
-            contact=contact, force_n=peak_n if contact else 0.0, baseline_n=baseline_n, tcp_pose=state.tcp_pose
+            contact=contact,
+            force_n=peak_n if contact else 0.0,
+            baseline_n=baseline_n,
+            tcp_pose=state.tcp_pose,
+            first_tcp_pose=first_tcp_pose if contact else state.tcp_pose,
         )
 
     def baseline_n(self, seconds: float) -> float:

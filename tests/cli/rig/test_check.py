@@ -70,7 +70,7 @@ def test_bring_up_from_an_uncalibrated_rig_to_a_dry_run(
     jaws = said(capsys, "calibrate", "gripper", "--rig", str(file))["jaws"]
     assert (jaws["open_count"], jaws["closed_count"], jaws["spread"]) == (0, 228, 0)
     table = said(capsys, "calibrate", "table", "--rig", str(file))["table"]
-    assert table["height_m"] == pytest.approx(0.0, abs=0.002)
+    assert table["height_m"] == pytest.approx(0.0, abs=0.001)  # The first touch alone was 2 mm too deep.
     assert table["points"] == 5
     running.do("board")
     camera = said(capsys, "calibrate", "camera", "--rig", str(file))["camera"]
