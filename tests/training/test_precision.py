@@ -16,6 +16,9 @@ CPU = torch.device("cpu")
     [
         ({"architecture": "x86_64", "avx2": True, "avx512_f": True, "avx512_bf16": False}, False),
         ({"architecture": "x86_64", "avx512_bf16": True, "amx_bf16": False}, False),
+        ({"architecture": "x86_64", "avx512_bf16": True, "amx_bf16": False, "cpu_name": "Intel Xeon"}, False),
+        ({"architecture": "x86_64", "avx512_bf16": True, "amx_bf16": False, "cpu_name": "AMD EPYC"}, True),
+        ({"architecture": "x86_64", "avx512_bf16": False, "cpu_name": "AMD Ryzen 7 3700X"}, False),
         ({"architecture": "x86_64", "amx_bf16": True}, True),
         ({"architecture": "aarch64", "neon": True, "bf16": True}, True),
         ({}, False),
