@@ -19,11 +19,12 @@ from handsight.datasets.address import DatasetAddress
 from handsight.datasets.errors import DatasetError, counted
 from handsight.datasets.format.schema import Viewpoint
 from handsight.datasets.inputs.materialize import usable_attempts
+from handsight.datasets.inputs.twins import grasp_keys
 from handsight.datasets.reading.reader import GraspDataset
 from handsight.training.data_selection import DataSelection
 from handsight.training.errors import HeldOutError
 from handsight.training.run_figures import kept_pass
-from handsight.training.run_record import origins_of
+from handsight.training.run_record import TWINS_TOGETHER, origins_of
 from handsight.training.trainer import split_held_out
 
 
@@ -62,7 +63,10 @@ def held_out_attempts(record: Mapping[str, Any], *, beside: GraspDataset) -> lis
         raise HeldOutError(f"what the run was trained on cannot be read again: {error}") from error
     attempts = pd.concat([rows[["success"]] for _, _, rows in parts]).index
     generator = torch.Generator().manual_seed(settings["seed"])
-    held, _ = split_held_out(attempts, chosen, settings["holdout"], generator)
+    # One part after another: a mixture may have its sessions' seeds in another type.
+    grasps = pd.Index([key for _, _, rows in parts for key in grasp_keys(rows)])
+    keys = grasps if record.get(TWINS_TOGETHER) else attempts
+    held, _ = split_held_out(keys, chosen, settings["holdout"], generator)
     if len(held) != expected:
         raise HeldOutError(
             f"drawn again, {counted(len(held), 'input')} would be held out, expected {expected} as in the record"

@@ -25,7 +25,7 @@ from handsight.training.run_folder import (
     check_run_folder,
     remove_unfinished,
 )
-from handsight.training.run_record import RUN_VERSION, WEIGHTS_SHA256, origins_of, read_record, sealed
+from handsight.training.run_record import RUN_VERSION, TWINS_TOGETHER, WEIGHTS_SHA256, origins_of, read_record, sealed
 from handsight.training.scorer import Scorer
 from handsight.training.settings import TrainSettings
 from handsight.training.weights import read_weights, write_next_weights
@@ -192,6 +192,7 @@ def _record(
         "origins": [origin.to_json() for origin in origins],
         "grid": grid.to_json(),
         "settings": {**asdict(settings), "network": settings.network.to_json()},
+        TWINS_TOGETHER: True,
         "parameters": sum(parameter.numel() for parameter in network.parameters()),
     }
 

@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 
 RUN_VERSION = 2
 """Version 2 has a list of origins, where version 1 had one."""
+TWINS_TOGETHER = "twins_together"
+"""Whether attempts at one grasp were held out together: in records without it, only inputs of one attempt were."""
 WEIGHTS_SHA256 = "weights_sha256"
 RECORD_SHA256 = "record_sha256"
 """Of everything in the record but the keys that end in ``_sha256``, as JSON with sorted keys."""
@@ -257,6 +259,7 @@ _RECORD = {
         "precision": _Optional(one_of(*PRECISION_NAMES)),
         "seed": _Optional(whole(-(2**63), 2**64 - 1)),
     },
+    TWINS_TOGETHER: _Optional(truth),
     "selection": _Optional(
         {
             "where": _TEXT,

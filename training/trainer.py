@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from handsight.datasets.errors import counted
 from handsight.datasets.inputs.mixture import LabelledInputs
+from handsight.datasets.inputs.twins import grasp_keys
 from handsight.training.checkpoint import Checkpoint, identity_of
 from handsight.training.course import Course, Epoch
 from handsight.training.errors import DivergedError, TrainingDataError
@@ -47,7 +48,8 @@ def train(
 ) -> Trained:
     """Train on ``data``; the same data, settings and number of threads give the same weights on one kind of processor.
 
-    Inputs of one attempt, such as those of its two pictures, are held out together.
+    Inputs of one attempt, such as those of its two pictures, are held out together, and so are attempts at one grasp,
+    such as those recorded with and without noise.
 
     Args:
         data: Inputs and labels.
@@ -73,7 +75,7 @@ def train(
     with torch.random.fork_rng(devices=()):
         torch.manual_seed(settings.seed)
         network = GraspQualityNetwork(settings.network)
-    held_out, trained_on = split_held_out(data.attempts.index, used, settings.holdout, generator)
+    held_out, trained_on = split_held_out(grasp_keys(data.attempts), used, settings.holdout, generator)
 
     passes = Passes(network, data, trained_on, settings, generator, device=device)
     course = Course(history=[], kept=0, weights=copy.deepcopy(passes.mean.state_dict()))
@@ -114,22 +116,22 @@ def _is_over(course: Course, settings: TrainSettings) -> bool:
 
 
 def split_held_out(
-    attempts: pd.Index[str], used: NDArray[np.int64], share: float, generator: torch.Generator
+    keys: pd.Index[str], used: NDArray[np.int64], share: float, generator: torch.Generator
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Divide positions into those held out and the others, no attempt into both.
+    """Divide positions into those held out and the others, no key into both.
 
     Args:
-        attempts: Id of the attempt of each input. Shape (N,).
+        keys: What the inputs that stay together share: their grasp, or their attempt. Shape (N,).
         used: Positions to divide. Shape (M,).
-        share: How much of the attempts is held out.
+        share: How many of the keys are held out.
         generator: At the seed of the training, before anything else was drawn from it.
 
     Returns:
         Shapes (H,), (T,).
     """
-    attempt_of_row, names = pd.factorize(attempts[used])
+    key_of_row, names = pd.factorize(keys[used])
     drawn = torch.randperm(len(names), generator=generator)[: int(share * len(names))].numpy()
-    is_held_out = np.isin(attempt_of_row, drawn)
+    is_held_out = np.isin(key_of_row, drawn)
     return used[is_held_out], used[~is_held_out]
 
 

@@ -12,6 +12,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from handsight.datasets.inputs.materialize import GraspInputs
+from handsight.datasets.inputs.twins import TWIN_COLUMNS
 
 
 class InputRows(Protocol):
@@ -105,5 +106,10 @@ def mixed(parts: Sequence[GraspInputs]) -> LabelledInputs:
         return parts[0]
     return MixedInputs(
         inputs=StackedInputs([part.inputs for part in parts]),
-        attempts=pd.concat([part.attempts[["success"]] for part in parts]),
+        attempts=pd.concat([_labels_and_twins(part.attempts) for part in parts]),
     )
+
+
+def _labels_and_twins(attempts: pd.DataFrame) -> pd.DataFrame:
+    """What is asked of attempts of several datasets: other columns can be of several types."""
+    return attempts[["success", *(name for name in TWIN_COLUMNS if name in attempts)]]

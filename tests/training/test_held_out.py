@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -65,6 +66,22 @@ def test_the_network_is_as_good_on_them_as_its_record_says(
     assert found.attempts == recorded["history"][0]["held_out"]["attempts"]
     assert not set(part.attempts) & set(part.learnt)
     assert len(part.attempts) + len(part.learnt) == recorded["origins"][0]["attempts"]
+
+
+def test_twins_are_drawn_again_as_the_record_says_that_they_were(folder: Path) -> None:
+    repository = GraspRepository.create(folder / "twins")
+    for noise in (False, True):
+        header = replace(make_header(seed=1, width=16, height=12), config={"noise": noise})
+        record(repository, header, [make_attempt(header, number, outcome=LABELS[number % 2]) for number in range(20)])
+    repository.release("v1", message="all")
+    twins = GraspDataset.open(f"{folder / 'twins'}@v1")
+    recorded = train(twins, folder / "of-twins")
+    (part,) = held_out_attempts(recorded, beside=twins)
+    assert sorted(count for _, count in Counter(twins.attempts["number"].loc[list(part.attempts)]).items()) == [2] * 5
+    before = {name: value for name, value in recorded.items() if name != "twins_together"}
+    (apart,) = held_out_attempts(before, beside=twins)  # As records were before there was a choice.
+    assert len(apart.attempts) == len(part.attempts)
+    assert set(Counter(twins.attempts["number"].loc[list(apart.attempts)]).values()) != {2}
 
 
 def test_a_dataset_that_was_moved_is_found_beside_the_one_at_hand(dataset: GraspDataset, folder: Path) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+import pandas as pd
 import pytest
 import torch
 from tests.support.drawn import SMALL, drawn_inputs
@@ -175,6 +176,24 @@ def test_both_pictures_of_an_attempt_are_held_out_together() -> None:
     ]
     assert learnt[0] == learnt[1]
     assert len(learnt[0]) == 30
+
+
+def test_a_grasp_that_was_recorded_twice_is_held_out_whole() -> None:
+    exact, noisy = (with_grasps(drawn_inputs(40, seed=seed), session) for seed, session in ((0, "a"), (5, "b")))
+    watched = Watched()
+    trained = train(mixed([exact, noisy]), replace(SMALL, epochs=1, jitter=watched, precision="float32"))
+    assert trained.history[0].held_out.attempts == 20
+    seen = {one.numpy().tobytes() for batch in watched.batches for one in batch}
+    learnt = [{row for row, inputs in enumerate(part.inputs) if inputs.tobytes() in seen} for part in (exact, noisy)]
+    assert learnt[0] == learnt[1]
+    assert len(learnt[0]) == 30
+
+
+def with_grasps(data: GraspInputs, session: str) -> GraspInputs:
+    """The same inputs, as if a session with seed 3 had recorded them."""
+    columns = {"seed": pd.array([3] * len(data.attempts), dtype="Int64"), "number": range(len(data.attempts))}
+    attempts = data.attempts.assign(**columns)
+    return replace(data, attempts=attempts.set_index(pd.Index([f"{session}-{n}" for n in columns["number"]])))
 
 
 def test_mixed_inputs_and_labels_have_the_same_share_of_the_same_others() -> None:
