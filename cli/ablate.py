@@ -137,7 +137,11 @@ def ablate_run(
     viewpoint: SweepViewpoint = DEFAULT_VIEWPOINT,
     only: Annotated[
         list[str] | None,
-        typer.Option(metavar="CHANNELS:SIZE:TRIAL", help="Only these cells: rgb, rgb:5000 or rgb:5000:3."),
+        typer.Option(
+            metavar="CHANNELS:SIZE:TRIAL",
+            help="Only these cells: rgb, rgb:5000 or rgb:5000:3, or of one of several datasets 'rgb noisy@v1'; may be "
+            "given several times.",
+        ),
     ] = None,
     retry_failed: RetryFailed = False,
     restart_failed: RestartFailed = False,

@@ -15,7 +15,7 @@ from handsight.datasets.machine import said_by
 from handsight.jobs.engine import LOCAL, Engine
 from handsight.jobs.unordered import map_unordered
 from handsight.training.errors import SweepPlanError
-from handsight.training.sweep.cell import Cell
+from handsight.training.sweep.cell import ALL, Cell
 from handsight.training.sweep.folder import SweepFolder
 from handsight.training.sweep.plan import SweepPlan
 from handsight.training.sweep.result import CellResult
@@ -99,23 +99,26 @@ def run_sweep(
 def chosen_by(texts: Collection[str], plan: SweepPlan) -> Callable[[Cell], bool]:
     """Which cells ``--only`` means: ``CHANNELS``, ``CHANNELS:SIZE`` or ``CHANNELS:SIZE:TRIAL``, any of several.
 
+    Instead of its channels a cell can be named by its series, such as ``depth noisy@v1`` where there are two datasets.
+
     Raises:
         SweepPlanError: Something names no cell of the plan.
     """
-    wanted = [tuple(text.split(":")) for text in texts]
-
-    def matches(cell: Cell, parts: tuple[str, ...]) -> bool:
-        size = "all" if cell.size is None else str(cell.size)
-        return parts == (cell.channels, size, str(cell.trial))[: len(parts)]
-
-    cells = list(plan.cells())
-    unknown = [":".join(parts) for parts in wanted if not any(matches(cell, parts) for cell in cells)]
-    if unknown:
+    names, wanted = plan.dataset_names, set(texts)
+    named = {cell: wanted & set(_called(cell, names)) for cell in plan.cells()}
+    if unknown := wanted.difference(*named.values()):
+        series = sorted({cell.series(names) for cell in named})
         raise SweepPlanError(
-            f"--only {', '.join(unknown)} names no cell of the plan, expected CHANNELS, CHANNELS:SIZE or "
-            "CHANNELS:SIZE:TRIAL of those that it has"
+            f"--only {', '.join(sorted(unknown))} names no cell of the plan, expected CHANNELS, CHANNELS:SIZE or "
+            f"CHANNELS:SIZE:TRIAL of those that it has, or for CHANNELS one of its series: {', '.join(series)}"
         )
-    return lambda cell: not wanted or any(matches(cell, parts) for parts in wanted)
+    return lambda cell: not wanted or bool(named[cell])
+
+
+def _called(cell: Cell, datasets: Sequence[str]) -> Iterator[str]:
+    size = ALL if cell.size is None else str(cell.size)
+    for series in {cell.channels, cell.series(datasets)}:
+        yield from (series, f"{series}:{size}", f"{series}:{size}:{cell.trial}")
 
 
 def kept_result(folder: SweepFolder, cell: Cell, outcome: Future[CellResult]) -> CellResult | None:

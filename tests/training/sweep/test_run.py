@@ -244,6 +244,17 @@ def test_a_choice_that_names_no_cell_is_refused(plan: SweepPlan, texts: list[str
         chosen_by(texts, plan)
 
 
+def test_a_choice_can_name_a_series_of_one_of_several_datasets(plan: SweepPlan) -> None:
+    noisy = replace(plan.datasets[0], address="s3://lab/noisy@v1")
+    both = replace(plan, datasets=(*plan.datasets, noisy), divisions=plan.divisions * 2)
+    chosen = chosen_by(["depth noisy@v1:20", "rgb:12:0"], both)
+    names = {cell.name for cell in both.cells() if chosen(cell)}
+    depth = {f"depth-20-00{trial}-data=1" for trial in range(3)}
+    assert names == {*depth, "rgb-12-000", "rgb-12-000-data=1"}
+    with pytest.raises(SweepPlanError, match=r"for CHANNELS one of its series: depth .*, depth noisy@v1, rgb "):
+        chosen_by(["depth later@v1"], both)
+
+
 def test_choices_add_up(plan: SweepPlan) -> None:
     chosen = chosen_by(["rgb:12", "depth:20:1"], plan)
     names = {cell.name for cell in plan.cells() if chosen(cell)}
