@@ -9,7 +9,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 from handsight.collection.errors import CameraLostError, DeviceError, DeviceLostError
-from handsight.collection.ur10.camera_client import CameraDescription, OpenCamera, Picture
+from handsight.collection.ur10.camera_client import OpenCamera, Picture
+from handsight.collection.ur10.camera_source import CameraDescription
 from handsight.collection.ur10.child import SupervisedChild
 from handsight.collection.ur10.rig import CameraConfig
 

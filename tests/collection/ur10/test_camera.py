@@ -15,7 +15,8 @@ from tests.support.emulated_rig import running_rig
 
 from handsight.collection.errors import DeviceError, DeviceLostError
 from handsight.collection.ur10.camera import Camera, picture_fault
-from handsight.collection.ur10.camera_client import Picture, filled_depth
+from handsight.collection.ur10.camera_client import Picture
+from handsight.collection.ur10.depth_filling import filled_depth
 from handsight.collection.ur10.rig import CameraConfig
 
 CONFIG = CameraConfig(kind="emulated", address="127.0.0.3", timeout_s=1.0)
