@@ -9,8 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handsight.collection.errors import PoseRefusedError
-from handsight.collection.ur10.arm_client import ArmState, OpenArm, Touch
+from handsight.collection.ur10.arm_client import OpenArm
+from handsight.collection.ur10.arm_state import ArmState
 from handsight.collection.ur10.child import SupervisedChild
+from handsight.collection.ur10.contact import Touch
 from handsight.collection.ur10.poses import MOST_TILT_RAD, check_pose, matrix_of, vector_of
 from handsight.collection.ur10.rig import RigConfig
 

@@ -1,8 +1,7 @@
 """``ur_rtde`` as the arm's child has it: moves that are bounded, watched and given up in time.
 
 Every move is asynchronous, ends at a target that was checked before, and is watched until it ends: safety status,
-program state, and a clock that must go on. Contact is told from the force over a baseline taken at standstill, because
-a CB3 has no sensor to be zeroed and ``moveUntilContact`` signals success there without having moved.
+program state, and a clock that must go on.
 """
 
 from __future__ import annotations
@@ -16,6 +15,8 @@ from typing import Any
 import numpy as np
 
 from handsight.collection.errors import DeviceError, DeviceLostError, RobotStoppedError
+from handsight.collection.ur10.arm_state import ArmState
+from handsight.collection.ur10.contact import ContactWatch, Touch
 from handsight.collection.ur10.rig import RobotConfig
 
 VARIABLES = (
@@ -38,46 +39,6 @@ LEAST_LOOKS = 100
 CONNECT_TRIES = 3
 PLAYING = 2
 JOINT_LIMITS_RAD = np.deg2rad([355.0, 355.0, 175.0, 355.0, 355.0, 355.0])
-SAFETY_BITS = {2: "protective stop", 4: "safeguard stop", 5: "system emergency stop", 6: "emergency stop",
-               7: "emergency stop", 8: "safety violation", 9: "safety fault", 10: "stopped due to safety"}  # fmt: skip
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ArmState:
-    """What the controller last said."""
-
-    timestamp_s: float
-    joints_rad: tuple[float, ...]
-    tcp_pose: tuple[float, ...]
-    """x y z [m] and rotation vector [rad] in the base frame."""
-    speed_m_s: float
-    force_n: tuple[float, float, float]
-    """On the tool, in base axes."""
-    torque_nm: tuple[float, float, float]
-    """About the tool, in base axes."""
-    temperatures_c: tuple[float, ...]
-    runtime: int
-    mode: int
-    safety_bits: int
-
-    @property
-    def stopped_by(self) -> str:
-        """What has stopped the arm; empty where nothing has."""
-        return next((name for bit, name in sorted(SAFETY_BITS.items()) if self.safety_bits >> bit & 1), "")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Touch:
-    """How a descent ended."""
-
-    contact: bool
-    force_n: float
-    """Upward, over the baseline: the greatest until the arm stood; 0 without contact."""
-    baseline_n: float
-    tcp_pose: tuple[float, ...]
-    """Where the arm stands afterwards."""
-    first_tcp_pose: tuple[float, ...]
-    """Where the first of the readings over the threshold was taken: as ``tcp_pose`` without contact."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -226,35 +187,13 @@ class ArmClient:
             RobotStoppedError: The controller stopped the arm.
             DeviceError: It arrived nowhere.
         """
-        baseline_n = self.baseline_n(baseline_s)
-        over, peak_n = 0, 0.0
-        first_tcp_pose: tuple[float, ...] = ()
-
-        def touched(state: ArmState) -> bool:
-            nonlocal over, peak_n, first_tcp_pose
-            force_n = state.force_n[2] - baseline_n
-            over = over + 1 if force_n >= threshold_n else 0
-            if over == 1:
-                first_tcp_pose = state.tcp_pose
-            peak_n = max(peak_n, force_n)
-            return over >= samples
-
+        watch = ContactWatch(self.baseline_n(baseline_s), threshold_n, samples)
         self._start_line(pose, speed_m_s, acceleration_m_s2)
-        state = self._watch(self._deadline_s(pose, speed_m_s), until=touched)
-        contact = over >= samples
-        if not contact:
-            state = self._arrived(state, pose)
-        else:
-            self._ready().stopL(stop_acceleration_m_s2)
-            state = self.standstill()
-            peak_n = max(peak_n, state.force_n[2] - baseline_n)
-        return Touch(
-            contact=contact,
-            force_n=peak_n if contact else 0.0,
-            baseline_n=baseline_n,
-            tcp_pose=state.tcp_pose,
-            first_tcp_pose=first_tcp_pose if contact else state.tcp_pose,
-        )
+        state = self._watch(self._deadline_s(pose, speed_m_s), until=watch.seen)
+        if not watch.contact:
+            return watch.touch(self._arrived(state, pose))
+        self._ready().stopL(stop_acceleration_m_s2)
+        return watch.touch(self.standstill())
 
     def baseline_n(self, seconds: float) -> float:
         """Median vertical force over so much of the robot's time, at standstill [N]."""

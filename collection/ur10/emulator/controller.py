@@ -6,7 +6,6 @@ often decides how fast it runs (``clock.py``). Everything here is in robot time.
 
 from __future__ import annotations
 
-import math
 import zlib
 from typing import Any
 
@@ -17,10 +16,11 @@ from handsight.collection.errors import UnreachableError
 from handsight.collection.sim.kinematics import JOINT_LIMITS_RAD, flange_pose
 from handsight.collection.ur10.emulator.forces import ForceSensor, Payload
 from handsight.collection.ur10.emulator.generation import Generation
-from handsight.collection.ur10.emulator.machine import Machine, RobotMode, Runtime, SafetyMode
+from handsight.collection.ur10.emulator.machine import Machine, RobotMode, Runtime
 from handsight.collection.ur10.emulator.motion import Motion
 from handsight.collection.ur10.emulator.poses import FLANGE_TO_TIP, matrix_of, tcp_pose, vector_of
 from handsight.collection.ur10.emulator.program import Program
+from handsight.collection.ur10.emulator.readings import reading
 from handsight.collection.ur10.emulator.travel import Travel
 from handsight.collection.ur10.emulator.variables import REGISTERS
 from handsight.collection.ur10.emulator.world import World
@@ -30,7 +30,6 @@ COLLISION_N = 150.0
 TRACKING_LIMIT_RAD = 0.12
 """A joint this far from where it is sent: something holds the arm."""
 STOP_DECELERATION_RAD_S2 = 12.0
-AMBIENT_C = 27.0
 SERIAL = "2016350000"
 
 
@@ -78,12 +77,12 @@ class Controller:
         self._booted_s = 0.0
         self._fed_s = 0.0
         self._collision_seen = False
-        self._speed_rad_s = np.zeros(6)
+        self.speed_rad_s = np.zeros(6)
         self._observed_s = 0.0
-        self._tool_speed = np.zeros(6)
+        self.tool_speed = np.zeros(6)
         self._pose = tcp_pose(self.target_rad, self.tcp_offset)
         self._pose_vector = vector_of(self._pose)
-        self._heat_c = np.zeros(6)
+        self.heat_c = np.zeros(6)
         self._last_rad = self.target_rad
 
     # What clients do.
@@ -172,17 +171,17 @@ class Controller:
             return
         self._observed_s = self.clock_s
         joints_rad = self.world.joints_rad
-        before_rad_s = self._speed_rad_s
-        self._speed_rad_s = (joints_rad - self._last_rad) / seconds
+        before_rad_s = self.speed_rad_s
+        self.speed_rad_s = (joints_rad - self._last_rad) / seconds
         self._last_rad = joints_rad
-        acceleration_rad_s2 = float(np.abs(self._speed_rad_s - before_rad_s).max()) / seconds
-        self._heat_c += seconds * (0.02 * np.abs(self._speed_rad_s) - 0.001 * self._heat_c)
-        self._tool_speed = np.zeros(6)
-        if self._speed_rad_s.any():
+        acceleration_rad_s2 = float(np.abs(self.speed_rad_s - before_rad_s).max()) / seconds
+        self.heat_c += seconds * (0.02 * np.abs(self.speed_rad_s) - 0.001 * self.heat_c)
+        self.tool_speed = np.zeros(6)
+        if self.speed_rad_s.any():
             before_m = self._pose[:3, 3]
             self._pose = tcp_pose(joints_rad, self.tcp_offset)
             self._pose_vector = vector_of(self._pose)
-            self._tool_speed[:3] = (self._pose[:3, 3] - before_m) / seconds
+            self.tool_speed[:3] = (self._pose[:3, 3] - before_m) / seconds
         self.sensor.read(
             seconds,
             joints_rad=joints_rad,
@@ -230,13 +229,13 @@ class Controller:
     @property
     def tool_speed_m_s(self) -> tuple[float, float, float]:
         """Measured speed of the TCP along the base's axes [m/s]."""
-        x, y, z = (float(value) for value in self._tool_speed[:3])
+        x, y, z = (float(value) for value in self.tool_speed[:3])
         return x, y, z
 
     @property
     def steady(self) -> bool:
         """Whether the arm stands."""
-        return self.motion is None and float(np.abs(self._speed_rad_s).max()) < 1e-3
+        return self.motion is None and float(np.abs(self.speed_rad_s).max()) < 1e-3
 
     @property
     def interruptible(self) -> bool:
@@ -256,80 +255,14 @@ class Controller:
 
     def read(self, name: str) -> Any:
         """The value of an output variable."""
-        if name.startswith("output_int_register_"):
-            return self.ints_out[int(name.rsplit("_", 1)[1])]
-        if name.startswith("output_double_register_"):
-            return self.doubles_out[int(name.rsplit("_", 1)[1])]
-        reading = _READINGS.get(name)
-        if reading is not None:
-            return reading(self)
-        return _NOTHING[_kind(name)]
+        return reading(self, name)
+
+    @property
+    def uptime_s(self) -> float:
+        """Since it started anew [s]."""
+        return self.clock_s - self._booted_s
 
     @property
     def kinematics_checksum(self) -> int:
         """Of the calibration that this arm left the factory with."""
         return zlib.crc32(SERIAL.encode())
-
-
-def _kind(name: str) -> str:
-    from handsight.collection.ur10.emulator.variables import OUTPUTS
-
-    return OUTPUTS[name]
-
-
-_NOTHING: dict[str, Any] = {
-    "BOOL": False,
-    "UINT8": 0,
-    "UINT32": 0,
-    "UINT64": 0,
-    "INT32": 0,
-    "DOUBLE": 0.0,
-    "VECTOR3D": (0.0,) * 3,
-    "VECTOR6D": (0.0,) * 6,
-    "VECTOR6INT32": (0,) * 6,
-}
-
-_JOINT_RUNNING = 253
-
-
-def _temperatures(controller: Controller) -> list[float]:
-    degrees = AMBIENT_C + 4.0 + controller._heat_c
-    if controller.overheated_joint is not None:
-        degrees[controller.overheated_joint] = 82.0
-    return [float(each) for each in degrees]
-
-
-_READINGS: dict[str, Any] = {
-    "timestamp": lambda c: c.clock_s - c._booted_s,
-    "actual_q": lambda c: c.world.joints_rad,
-    "target_q": lambda c: c.target_rad,
-    "actual_qd": lambda c: c._speed_rad_s,
-    "target_qd": lambda c: c._speed_rad_s,
-    "actual_TCP_pose": lambda c: c.pose,
-    "target_TCP_pose": lambda c: vector_of(tcp_pose(c.target_rad, c.tcp_offset)),
-    "actual_TCP_speed": lambda c: c._tool_speed,
-    "target_TCP_speed": lambda c: c._tool_speed,
-    "actual_TCP_force": lambda c: c.sensor.wrench,
-    "ft_raw_wrench": lambda c: c.sensor.wrench,
-    "tcp_force_scalar": lambda c: math.sqrt(sum(x * x for x in c.sensor.wrench[:3])),
-    "joint_temperatures": _temperatures,
-    "joint_mode": lambda c: (_JOINT_RUNNING,) * 6,
-    "robot_mode": lambda c: int(c.machine.mode),
-    "safety_mode": lambda c: int(c.machine.safety),
-    "safety_status": lambda c: int(c.machine.safety),
-    "safety_status_bits": lambda c: c.machine.safety_bits,
-    "robot_status_bits": lambda c: c.machine.status_bits,
-    "runtime_state": lambda c: int(c.machine.runtime),
-    "speed_scaling": lambda c: 1.0 if c.machine.safety is not SafetyMode.REDUCED else 0.5,
-    "target_speed_fraction": lambda c: 1.0,
-    "actual_main_voltage": lambda c: 48.0,
-    "actual_robot_voltage": lambda c: 48.0 if c.machine.status_bits & 1 else 0.0,
-    "actual_robot_current": lambda c: 0.6,
-    "actual_execution_time": lambda c: 0.4,
-    "payload": lambda c: c.payload_kg,
-    "payload_cog": lambda c: c.payload_cog_m,
-    "tcp_offset": lambda c: vector_of(c.tcp_offset),
-    "actual_tool_accelerometer": lambda c: (0.0, 0.0, -9.82),
-    "tool_temperature": lambda c: AMBIENT_C + 6.0,
-    "tool_output_voltage": lambda c: 24,
-}
