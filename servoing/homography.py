@@ -111,7 +111,14 @@ def raw_from_input(
     return torch.cat([linear, offset[:, :, None]], -1)
 
 
-def predict_inputs(view: PreparedView, steps: Tensor, *, grid: InputGrid, view_plane_m: float | None = None) -> Tensor:
+def predict_inputs(
+    view: PreparedView,
+    steps: Tensor,
+    *,
+    grid: InputGrid,
+    view_plane_m: float | None = None,
+    side_px: int | None = None,
+) -> Tensor:
     """Network inputs predicted for every step: f(I_p, dp) of eq. 2. Edges are replicated.
 
     Args:
@@ -119,10 +126,11 @@ def predict_inputs(view: PreparedView, steps: Tensor, *, grid: InputGrid, view_p
         steps: Delta poses in the current tool frame, (dx [m], dy [m], dangle [rad]). Shape (B, 3).
         grid: Crop and size of the network input.
         view_plane_m: Distance of the plane in the predicted picture; None means the height does not change.
+        side_px: So many rows and columns of each, from the first; None for all of them.
 
     Returns:
         Red, green, blue in [0, 1] and height below the plane [m], on the steps' device and in their precision; steps
-        that require a gradient get one. Shape (B, 4, size, size).
+        that require a gradient get one. Shape (B, 4, side, side).
 
     Raises:
         StepError: The steps have another shape or type.
@@ -130,7 +138,8 @@ def predict_inputs(view: PreparedView, steps: Tensor, *, grid: InputGrid, view_p
     _check_steps(steps)
     plane_m = view.plane_m if view_plane_m is None else view_plane_m
     maps = raw_from_input(view.camera, steps, plane_m=view.plane_m, view_plane_m=plane_m, grid=grid)
-    return _resampled(view, maps, width_px=grid.size_px, height_px=grid.size_px)
+    side_px = side_px or grid.size_px
+    return _resampled(view, maps, width_px=side_px, height_px=side_px)
 
 
 def predict_picture(

@@ -7,7 +7,7 @@ from torch import Tensor
 from handsight.servoing.footprint import Footprint
 from handsight.servoing.homography import predict_inputs
 from handsight.servoing.prepared_view import PreparedView
-from handsight.servoing.scorer import GraspScorer
+from handsight.servoing.scorer import GraspScorer, PartScorer
 from handsight.servoing.scores import check_scores
 from handsight.servoing.sweep import Sweep, sweep
 from handsight.servoing.view import View
@@ -28,6 +28,7 @@ class Objective:
         self._view_plane_m = view_plane_m
         self._prepared = PreparedView.from_view(view, pixels_per_cell=scorer.grid.pixels_per_cell)
         self._scorer = scorer
+        self._read_px = scorer.reach_px if isinstance(scorer, PartScorer) else scorer.grid.size_px
         self._here = self.inputs(self._prepared.channels.new_zeros(1, 3))
 
     def __call__(self, steps: Tensor) -> Tensor:
@@ -38,7 +39,7 @@ class Objective:
         Raises:
             ScoreError: A score is not in [0, 1], so that no step can be chosen by it.
         """
-        return self.scores(self.inputs(steps))
+        return self.scores(self._predicted(steps, self._read_px))
 
     @property
     def footprint(self) -> Footprint:
@@ -56,10 +57,10 @@ class Objective:
 
     def inputs(self, steps: Tensor) -> Tensor:
         """The predicted pictures themselves. (B, 3) -> (B, 4, size, size)."""
-        return predict_inputs(self._prepared, steps, grid=self._scorer.grid, view_plane_m=self._view_plane_m)
+        return self._predicted(steps, self._scorer.grid.size_px)
 
     def scores(self, inputs: Tensor) -> Tensor:
-        """Predicted success of predicted pictures. (B, 4, size, size) -> (B,).
+        """Predicted success of predicted pictures, or of what the network reads of them. (B, 4, side, side) -> (B,).
 
         Raises:
             ScoreError: A score is not in [0, 1].
@@ -75,3 +76,7 @@ class Objective:
     def score_here(self) -> float:
         """S_0: predicted success of grasping without moving."""
         return float(self.scores(self._here)[0])
+
+    def _predicted(self, steps: Tensor, side_px: int) -> Tensor:
+        grid, plane_m = self._scorer.grid, self._view_plane_m
+        return predict_inputs(self._prepared, steps, grid=grid, view_plane_m=plane_m, side_px=side_px)

@@ -41,42 +41,51 @@ class PreparedView:
         whole = bool(valid.all())
         # Colours are added up as the integers that they are, and the plane is taken off cells, not off pixels: the
         # pictures are read once and never copied as floats.
-        colours = _cell_sums(view.rgb, factor, np.uint16 if factor <= _LARGEST_SHORT else np.uint32)  # (H', W', 3)
+        colours = _cell_sums(view.rgb, factor, np.uint16 if factor <= _LARGEST_SHORT else np.uint32)  # (3, H', W')
         depths_m = _cell_sums(view.depth_m if whole else np.where(valid, view.depth_m, 0), factor, np.float32)
         counts = np.full_like(depths_m, factor**2) if whole else _cell_sums(valid, factor, np.float32)
-        parts = [
-            torch.from_numpy(colours.astype(np.float32)).permute(2, 0, 1) / 255,
-            torch.from_numpy(depths_m - np.float32(plane_m) * counts)[None],
-        ]
+        channels = torch.empty(4 if whole else 5, *depths_m.shape)
+        parts = channels.numpy()
+        np.divide(colours, np.float32(255), out=parts[:3])
+        np.subtract(depths_m, np.float32(plane_m) * counts, out=parts[3])
         if not whole:
-            parts.append(torch.from_numpy(counts)[None])
-        channels = torch.cat(parts) / factor**2  # (4 or 5, H', W')
+            parts[4] = counts
+        channels /= factor**2
         if factor > 1:
             channels = _smoothed(channels)
         if not whole:
             # Normalised convolution: invalid pixels take part with weight zero and are filled from their neighbours.
             depth_m, weight = channels[3], channels[4]
-            depth_m = torch.where(weight > 0, depth_m / weight.clamp_min(1e-6), 0.0)
-            channels = torch.cat([channels[:3], depth_m[None]])
+            channels[3] = torch.where(weight > 0, depth_m / weight.clamp_min(1e-6), 0.0)
+            channels = channels[:4]
         return cls(channels=channels, pixels_per_cell=factor, plane_m=plane_m, camera=view.camera)
 
 
 def _cell_sums(picture: NDArray[Any], factor: int, dtype: type[np.number[Any]]) -> NDArray[Any]:
     """Sums over factor x factor cells; where the last ones reach over the edge, it is replicated.
 
-    (H, W, ...) -> (H', W', ...).
+    (H, W) -> (H', W'), (H, W, C) -> (C, H', W').
     """
-    return _sums_along_rows(_sums_along_rows(picture, factor, dtype).swapaxes(0, 1), factor, dtype).swapaxes(0, 1)
-
-
-def _sums_along_rows(picture: NDArray[Any], factor: int, dtype: type[np.number[Any]]) -> NDArray[Any]:
-    """Sums of ``factor`` rows each. (H, ...) -> (H', ...)."""
     sums = picture[::factor].astype(dtype)
     for offset in range(1, factor):
         rows = picture[offset::factor]
         sums[: len(rows)] += rows
         if len(rows) < len(sums):
             sums[-1] += picture[-1]
+    # Channel by channel, where columns are added in long loops: side by side, every loop would be of three numbers.
+    planes = sums if sums.ndim == 2 else np.ascontiguousarray(np.moveaxis(sums, 2, 0))
+    return _sums_along_columns(planes, factor)
+
+
+def _sums_along_columns(planes: NDArray[Any], factor: int) -> NDArray[Any]:
+    """Sums of ``factor`` columns each. (..., W) -> (..., W')."""
+    sums = planes[..., ::factor].copy()
+    for offset in range(1, factor):
+        columns = planes[..., offset::factor]
+        whole = columns.shape[-1]
+        sums[..., :whole] += columns
+        if whole < sums.shape[-1]:
+            sums[..., -1] += planes[..., -1]
     return sums
 
 

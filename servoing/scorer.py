@@ -28,6 +28,15 @@ class GraspScorer(Protocol):
 
 
 @runtime_checkable
+class PartScorer(GraspScorer, Protocol):
+    """A scorer that reads the first rows and columns of its inputs alone, so that the others need not be made."""
+
+    @property
+    def reach_px(self) -> int:
+        """How many rows and columns its scores depend on; it takes inputs that are no larger. (B, 4, reach, reach)."""
+
+
+@runtime_checkable
 class MapScorer(GraspScorer, Protocol):
     """A scorer that can score all crops of a picture at once, for less than one by one."""
 

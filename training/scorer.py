@@ -44,8 +44,16 @@ class Scorer:
         """Whether maps are computed in one pass: without a border of zeros, which each window has of its own."""
         return not self._folded.config.padded
 
+    @property
+    def reach_px(self) -> int:
+        """How many rows and columns of an input the scores depend on, from the first."""
+        return self._folded.config.reach_px
+
     def __call__(self, inputs: Tensor) -> Tensor:
-        """(B, 4, size, size) -> (B,). Gradients reach inputs that require them; otherwise nothing is kept for them."""
+        """Scores of inputs (B, 4, size, size), or of what is read of them, (B, 4, reach, reach) -> (B,).
+
+        Gradients reach inputs that require them; otherwise nothing is kept for them.
+        """
         with torch.set_grad_enabled(torch.is_grad_enabled() and inputs.requires_grad):
             return torch.sigmoid(self._folded.logits(inputs))
 

@@ -202,6 +202,13 @@ def test_the_middle_of_the_input_is_the_grasp_point(textured_plane: BulletClient
     assert abs(rows.mean() - middle) < 0.5
 
 
+def test_the_first_rows_and_columns_of_inputs_are_those_of_whole_ones() -> None:
+    view = PreparedView.from_view(DrawnTable(START).look()[0], pixels_per_cell=1)
+    steps = torch.tensor([[0.01, -0.02, 0.3], [0.0, 0.05, -1.2]])
+    whole, part = predict_inputs(view, steps, grid=GRID), predict_inputs(view, steps, grid=GRID, side_px=49)
+    torch.testing.assert_close(part, whole[..., :49, :49], rtol=0, atol=0)
+
+
 def test_inputs_are_made_where_the_steps_are_and_in_their_precision() -> None:
     """Devices are told apart by the one that computes nothing: what is made elsewhere cannot be combined with it."""
     view = PreparedView.from_view(DrawnTable(START).look()[0], pixels_per_cell=1)

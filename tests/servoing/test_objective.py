@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
+
 import numpy as np
 import pytest
 import torch
@@ -18,6 +20,27 @@ def test_predictions_do_not_depend_on_the_batch() -> None:
     steps = torch.from_numpy(np.random.default_rng(0).normal(size=(9, 3)).astype(np.float32) * 0.05)
     alone = torch.stack([objective(step[None])[0] for step in steps])
     torch.testing.assert_close(objective(steps), alone)
+
+
+def test_only_what_the_scorer_reads_is_predicted() -> None:
+    view, _ = DrawnTable(START).look()
+    reading = ReadsTwenty(lambda inputs: inputs[:, 0, :20, :20].mean((1, 2)), GRID)
+    steps = torch.tensor([[0.01, -0.02, 0.3], [0.0, 0.05, -1.2]])
+    objective = Objective(view, reading)
+    torch.testing.assert_close(objective(steps), objective.scores(objective.inputs(steps)))
+    assert [shape[-2:] for shape in reading.shapes] == [(20, 20), (32, 32)]
+
+
+@dataclass(frozen=True, slots=True)
+class ReadsTwenty(FunctionScorer):
+    """A scorer of the first rows and columns that notes what it is given."""
+
+    shapes: list[tuple[int, ...]] = field(default_factory=list)
+    reach_px: int = 20
+
+    def __call__(self, inputs: torch.Tensor) -> torch.Tensor:
+        self.shapes.append(tuple(inputs.shape))
+        return self.function(inputs)
 
 
 def test_the_gradient_of_the_predicted_success_is_that_of_finite_differences() -> None:

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from tests.support.networks import blobs, trained_looking
 
 from handsight.servoing.homography import InputGrid
+from handsight.servoing.scorer import PartScorer
 from handsight.training.errors import NetworkSettingsError, PictureError
 from handsight.training.gqn import CHANNEL_SETS, GqnConfig
 from handsight.training.scorer import Scorer
@@ -23,6 +24,15 @@ def test_scores_are_those_of_the_network(channels: str, padded: bool) -> None:
     expected = torch.sigmoid(network(inputs)).detach()
     assert expected.std() > 1e-2
     torch.testing.assert_close(scores, expected, atol=1e-5, rtol=0)
+
+
+@pytest.mark.parametrize("padded", [False, True])
+def test_what_a_scorer_does_not_read_need_not_be_made(padded: bool) -> None:
+    scorer = Scorer(trained_looking(GqnConfig(padded=padded)), InputGrid())
+    assert isinstance(scorer, PartScorer)
+    assert scorer.reach_px == (64 if padded else 49)
+    inputs = blobs(5)
+    torch.testing.assert_close(scorer(inputs[..., : scorer.reach_px, : scorer.reach_px]), scorer(inputs))
 
 
 def test_training_a_network_further_changes_no_score() -> None:
