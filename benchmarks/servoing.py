@@ -12,6 +12,7 @@ from torch import Tensor
 
 from benchmarks import Figure
 from benchmarks._network import fresh_network, inference_ms
+from benchmarks.peers.kornia_warps import by_kornia
 from handsight.collection.sim.config import D435_ON_GRIPPER
 from handsight.servoing.heatmap import grasp_heatmap
 from handsight.servoing.homography import InputGrid
@@ -73,11 +74,11 @@ def _step(name: str, threads: int) -> Figure:
     if batch:
         inputs = torch.rand(batch, 4, 64, 64, generator=torch.Generator().manual_seed(0))
         floor_ms = inference_ms(lambda: [scorer(inputs) for _ in range(passes)])
-    peers = (
-        {}
-        if threads > 1 or not batch
-        else {"OpenCV warps + forward": passes * inference_ms(_by_opencv(view, scorer, batch))}
-    )
+    peers = {}
+    if threads == 1 and batch:
+        peers["OpenCV warps + forward"] = passes * inference_ms(_by_opencv(view, scorer, batch))
+        steps = torch.randn(batch, 3, generator=torch.Generator().manual_seed(0)) * torch.tensor([0.05, 0.05, 0.5])
+        peers["kornia warps + forward"] = passes * inference_ms(by_kornia(view, scorer, steps))
     if name in PAPER_MS:
         peers["paper, GTX 1080 Ti"] = PAPER_MS[name]
     return Figure(
