@@ -25,7 +25,14 @@ from handsight.training.precision import Precision
 from handsight.training.run import DataOrigin, load_run, load_scorer, save_run
 from handsight.training.run_files import check_files
 from handsight.training.run_folder import CARD, NEXT_WEIGHTS, RUN_RECORD, WEIGHTS
-from handsight.training.run_record import CHANNEL_NAMES, PRECISION_NAMES, RECORD_SHA256, WEIGHTS_SHA256, read_values
+from handsight.training.run_record import (
+    CHANNEL_NAMES,
+    PRECISION_NAMES,
+    RECORD_SHA256,
+    TWINS_TOGETHER,
+    WEIGHTS_SHA256,
+    read_values,
+)
 from handsight.training.trainer import train
 
 ORIGIN = DataOrigin(dataset="grasps@v1", ref="v1", snapshot="ABC", digest="d" * 64, view="overhead", attempts=80)
@@ -103,7 +110,7 @@ def test_a_stored_record_is_read_and_one_written_now_has_the_same_keys(tmp_path:
     expected["settings"]["network"] |= {"padded": None}  # type: ignore[index]
     expected["settings"] |= dict.fromkeys(("least_epochs", "patience", "warmup_steps", "average", "mixup", "precision"))  # type: ignore[operator]
     expected["settings"]["jitter"] |= {"flips": None}  # type: ignore[index]
-    assert keys(written) == {**expected, "origins": None, "kept_epoch": None, **hashes}
+    assert keys(written) == {**expected, "origins": None, TWINS_TOGETHER: None, "kept_epoch": None, **hashes}
     assert [list(origin) for origin in written["origins"]] == [list(STORED["origin"])]
     assert list(written["history"][0]) == list(STORED["history"][0])
     assert written["kept_epoch"] == 1
