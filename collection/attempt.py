@@ -56,6 +56,8 @@ class AttemptProgress:
     predicted_success: float = NOT_MEASURED
     pose_base_tool_grasp: NDArray[np.float64] = field(default_factory=lambda: np.full((4, 4), np.nan))
     contact_force_n: float = 0.0
+    touched_by: str = ""
+    """See :class:`~handsight.collection.station.Descent`."""
     before_m: float = NOT_MEASURED
     closed_m: float = NOT_MEASURED
     lifted_m: float = NOT_MEASURED
@@ -79,7 +81,7 @@ def execute_grasp(progress: AttemptProgress) -> None:
     station = progress.station
     progress.before_m = station.width_m
     descent = station.descend()
-    progress.contact_force_n = descent.contact_force_n
+    progress.contact_force_n, progress.touched_by = descent.contact_force_n, descent.touched_by
     progress.pose_base_tool_grasp = descent.pose_base_tool
     progress.book("descend")
     progress.closed_m = station.close_gripper()

@@ -39,6 +39,9 @@ class Descent:
     """Force on arm and gripper that ended it [N]; 0 when it ended at table height."""
     pose_base_tool: NDArray[np.float64]
     """Measured tool pose where it ended. Shape (4, 4)."""
+    touched_by: str = ""
+    """Which part of the robot met what ended it, ``finger``, ``palm`` or ``arm``; empty where nothing did, or where the
+    station cannot tell."""
 
 
 class Station(Protocol):
@@ -113,6 +116,14 @@ class ClearingStation(Protocol):
         Raises:
             PhaseError: The objects left do not come to rest.
         """
+
+
+@runtime_checkable
+class SeesObjects(Protocol):
+    """A station that knows where its objects are at any moment."""
+
+    def object_positions_m(self) -> NDArray[np.float64]:
+        """Centres of mass of the objects of the scene, in its order, in the base frame. Shape (M, 3)."""
 
 
 @runtime_checkable

@@ -1,9 +1,9 @@
 """Why grasps fail, told from what any station measures (section VI-E).
 
 What is known of a grasp: whether a phase stopped, at which height and force the descent ended, the jaws' opening after
-each phase, and where somebody can tell, whether an object was held in truth. Whether it was a finger or the palm that
-landed on the object is not known. Beside the causes stands the phase in which it happened: where the arm was blocked,
-where an object was lost, and what ended the trials that do not count.
+each phase, and where somebody can tell, whether an object was held in truth. Beside the causes stands the phase in
+which it happened: where the arm was blocked, where an object was lost, and what ended the trials that do not count; and
+in simulation, which part of the hand landed on an object, and whether the object was pushed away.
 """
 
 from __future__ import annotations
@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 TABLE_CONTACT_M: Final = 0.008
 """Fingertips that stop lower than this above the table have reached it: the thinnest objects, pens, are as high."""
+PUSHED_M: Final = 0.01
+"""An object that has been moved by more than this was pushed away."""
 
 MISREAD: Final = "held, read as closed"
 BLOCKED: Final = "arm blocked"
@@ -49,6 +51,11 @@ class CausesRow(TypedDict):
     """Failures of each of ``CAUSES``; they add up to ``failures``."""
     unsure: int
     """Failures whose score at the grasp was below the threshold: no better pose was found within the limit of moves."""
+    landed_with: dict[str, int]
+    """Failures on an object, by the part of the robot that landed on it, as far as it is known."""
+    pushed_away: int
+    """Failures in which the jaws closed on nothing and the object had been moved by more than ``PUSHED_M``, as far as
+    that is known: fingers that come down beside an object, or on it, push it from between them."""
     blocked_in: dict[str, int]
     """Failures for a blocked arm, by the phase that did not complete."""
     lost_in: dict[str, int]
@@ -114,6 +121,14 @@ def _row(everything: list[Trial], method: str, objects: str, closed_width_m: flo
         failures=len(failures),
         causes={name: causes.count(name) for name in CAUSES},
         unsure=sum(trial.score is not None and trial.score < threshold for trial in failures),
+        landed_with=_tally(
+            trial.touched_by for trial, cause in told if cause in (ON_OBJECT_EMPTY, ON_OBJECT_LOST) and trial.touched_by
+        ),
+        pushed_away=sum(
+            trial.pushed_m is not None and trial.pushed_m > PUSHED_M
+            for trial, cause in told
+            if cause in (ON_OBJECT_EMPTY, AT_TABLE_EMPTY)
+        ),
         blocked_in=_tally(_phase(trial) for trial, cause in told if cause == BLOCKED),
         lost_in=_tally(where for trial in lost if (where := _lost_in(trial, closed_width_m))),
         aborted_in=_tally(_phase(trial) for trial in everything if trial.aborted),

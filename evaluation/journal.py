@@ -147,7 +147,7 @@ def _trials(path: Path, lines: list[str]) -> dict[str, list[Trial]]:
 def _trial_from_json(record: dict[str, Any]) -> Trial | None:
     """The trial that a line holds; None where it holds none."""
     kinds = {field.name: str(field.type) for field in fields(Trial)}
-    record = {"steps": [], **record}  # Older journals have none.
+    record = {"touched_by": "", "pushed_m": None, "steps": [], **record}  # Older journals have none.
     if record.keys() != kinds.keys() or any(type(record[name]) not in _TYPES[kinds[name]] for name in kinds):
         return None
     steps = _steps_from_json(record["steps"])

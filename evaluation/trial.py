@@ -14,6 +14,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from handsight.collection.attempt import (
     AttemptProgress,
@@ -26,7 +27,7 @@ from handsight.collection.attempt import (
 from handsight.collection.errors import DeviceFaultError, PhaseError
 from handsight.collection.policy import UniformPolicy
 from handsight.collection.servo_policy import servo_on_station
-from handsight.collection.station import Station
+from handsight.collection.station import SeesObjects, Station
 from handsight.datasets.records import RgbdFrame, SceneObjects, StationSpec
 from handsight.datasets.views import station_view
 from handsight.evaluation.watching import TrialStart, TrialWatcher
@@ -65,6 +66,12 @@ class Trial:
     """The same after the lift [m]."""
     final_m: float | None = None
     """The same after the shakes, which is what the label is told from [m]."""
+    touched_by: str = ""
+    """Part of the robot that met what ended the descent: ``finger``, ``palm`` or ``arm``; empty where nothing did, or
+    where the station cannot tell."""
+    pushed_m: float | None = None
+    """How far the object nearest to the grasp has been moved over the table, from the start of the descent to the end
+    of the trial [m]; None where the station does not know."""
     steps: tuple[tuple[float, ...], ...] = ()
     """Every pass of the servo loop: predicted success, and the step that was chosen, dx [m], dy [m] and turn [rad]; the
     last one chose none."""
@@ -200,7 +207,7 @@ def _aborted(number: int, method: str, error: Exception) -> Trial:
 
 def _grasped(progress: AttemptProgress, number: int, method: str, trace: ServoTrace | None) -> Trial:
     """Execute the grasp from wherever the gripper stands; what comes of it counts, unless a device failed."""
-    failure = ""
+    failure, before_m = "", _objects_m(progress.station)
     try:
         execute_grasp(progress)
     except DeviceFaultError as error:
@@ -217,6 +224,8 @@ def _grasped(progress: AttemptProgress, number: int, method: str, trace: ServoTr
         truth_held=None if failure else progress.station.held_in_truth(),
         aborted=False,
         score=trace.grasp_score if trace else None,
+        touched_by=progress.touched_by,
+        pushed_m=_pushed_m(before_m, _objects_m(progress.station), progress.pose_base_tool_grasp[:2, 3]),
         steps=_steps(trace) if trace else (),
         **_readings(progress),
     )
@@ -227,6 +236,21 @@ def _steps(trace: ServoTrace) -> tuple[tuple[float, ...], ...]:
     return tuple(
         (float(step.score), *(map(float, step.proposal.step.tolist()) if step.proposal else ())) for step in trace.steps
     )
+
+
+def _objects_m(station: Station) -> NDArray[np.float64] | None:
+    """Where objects are, (M, 3); None where the station does not know."""
+    return station.object_positions_m() if isinstance(station, SeesObjects) else None
+
+
+def _pushed_m(
+    before_m: NDArray[np.float64] | None, after_m: NDArray[np.float64] | None, grasp_m: NDArray[np.float64]
+) -> float | None:
+    """How far the object that was nearest to a grasp (x, y) has been moved along the table [m]."""
+    if before_m is None or after_m is None or not len(before_m) or not np.isfinite(grasp_m).all():
+        return None
+    nearest = int(np.linalg.norm(before_m[:, :2] - grasp_m, axis=1).argmin())
+    return float(np.linalg.norm(after_m[nearest, :2] - before_m[nearest, :2]))
 
 
 def _readings(progress: AttemptProgress) -> dict[str, float | None]:

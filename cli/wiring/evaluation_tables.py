@@ -102,12 +102,15 @@ def print_causes(rows: Sequence[CausesRow]) -> None:
             if count:
                 console.print(f"    {count:>4}  {name}")
         for what, phases in (
+            ("landed with", row["landed_with"]),
             ("blocked in", row["blocked_in"]),
             ("lost in", row["lost_in"]),
             ("not counted, ended by", row["aborted_in"]),
         ):
             if phases:
                 console.print(f"          {what}: {', '.join(f'{name} {count}' for name, count in phases.items())}")
+        if row["pushed_away"]:
+            console.print(f"          closed on nothing, the object pushed away: {row['pushed_away']}")
     console.print()
 
 

@@ -10,6 +10,7 @@ a thin object that they would otherwise squeeze into the table.
 from __future__ import annotations
 
 import math
+from collections import Counter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -109,6 +110,17 @@ class Hand:
         """
         contacts = self._bullet.getContactPoints(bodyA=self._body)
         return float(sum(contact[9] for contact in contacts if contact[2] != self._body))
+
+    @property
+    def pressed_part(self) -> str:
+        """What the world presses on hardest: ``finger``, ``palm`` or ``arm``; empty where it presses on nothing."""
+        forces_n: Counter[str] = Counter()
+        for contact in self._bullet.getContactPoints(bodyA=self._body):
+            if contact[2] != self._body and contact[9] > 0:
+                link = contact[3]
+                part = "finger" if link in self._fingers else "palm" if link >= self._slide else "arm"
+                forces_n[part] += contact[9]
+        return max(forces_n, key=lambda part: forces_n[part], default="")
 
     @property
     def arm_clearance_m(self) -> float:

@@ -294,7 +294,12 @@ class SimStation:
             return force_n >= self._config.contact_force_n or hand.arm_clearance_m < ARM_CLEARANCE_M
 
         stopped = self._arm.move_line(goal, self._step, phase="descend", stop=touched, slow_from_m=slow_from_m)
-        return Descent(contact_force_n=force_n if stopped else 0.0, pose_base_tool=hand.pose_base_tool)
+        return Descent(
+            contact_force_n=force_n if stopped else 0.0,
+            pose_base_tool=hand.pose_base_tool,
+            # The arm ends the descent before it touches.
+            touched_by=(hand.pressed_part or "arm") if stopped else "",
+        )
 
     def close_gripper(self) -> float:
         """Close until the jaws stall or meet."""
@@ -327,6 +332,10 @@ class SimStation:
                 self._arm.move_line(goal, self._step, phase="shake")
         self._arm.move_line(rest, self._step, phase="shake")
         return self._arm.hand.width_m
+
+    def object_positions_m(self) -> NDArray[np.float64]:
+        """Centres of mass of the objects. Shape (M, 3)."""
+        return self._scene.poses()[:, :3]
 
     def held_in_truth(self) -> bool:
         """Whether some object is off the table with a finger pressing on it, gripper lifted."""

@@ -61,6 +61,22 @@ def test_causes_add_up_to_the_failures() -> None:
     assert row["causes"][causes.AT_TABLE_LOST] == row["causes"][causes.AT_TABLE_EMPTY] == 1
 
 
+def test_what_landed_on_the_object_and_whether_it_was_pushed_away_are_told_where_they_are_known() -> None:
+    on_object = {"at_m": 0.05, "force_n": 12}
+    trials = [
+        failed(0, **on_object, touched_by="finger", pushed_m=0.03),
+        failed(1, **on_object, touched_by="finger", pushed_m=0.001),
+        failed(2, **on_object, touched_by="palm", closed_m=0.02, pushed_m=0.05),  # Gripped and lost, not pushed away.
+        failed(3, **on_object),  # Of a station that does not know.
+        failed(4, touched_by="finger", pushed_m=0.011),
+        failed(5, touched_by="finger", truth_held=True, pushed_m=0.3),
+        make_trial(6, touched_by="palm", pushed_m=0.2),
+    ]
+    (row,) = causes_rows(trials, objects="o", methods=("cem-1",), closed_width_m=CLOSED_M, threshold=0.95)
+    assert row["landed_with"] == {"finger": 2, "palm": 1}
+    assert row["pushed_away"] == 2
+
+
 def test_where_it_happened_is_told_beside_the_cause() -> None:
     trials = [
         make_trial(0, success=False, failure="descend: the arm was blocked"),

@@ -22,7 +22,7 @@ SETTINGS: dict[str, Any] = {
     "objects": {"o": {"shakes": 0}},
 }
 TRIALS = [
-    make_trial(0, score=0.97, contact_height_m=0.1 + 0.2, contact_force_n=11.5),
+    make_trial(0, score=0.97, contact_height_m=0.1 + 0.2, contact_force_n=11.5, touched_by="palm", pushed_m=0.1),
     make_trial(1, "random", success=False, truth_held=None, failure="lift: é", aborted=False),
     make_trial(2, success=False, aborted=True, failure="look: lost"),
 ]
@@ -47,6 +47,15 @@ def known(path: Path, objects: str = "o", settings: dict[str, Any] = SETTINGS) -
 def test_trials_come_back_as_they_were(path: Path) -> None:
     assert known(path) == TRIALS
     assert known(path, "other") == []
+
+
+def test_lines_from_before_it_was_told_what_landed_are_read(path: Path) -> None:
+    known(path)
+    lines = [json.loads(line) for line in path.read_text().splitlines()]
+    later = {"touched_by", "pushed_m", "steps"}
+    before = [{name: value for name, value in line.items() if name not in later} for line in lines]
+    path.write_text("".join(json.dumps(line) + "\n" for line in before))
+    assert known(path) == [replace(trial, touched_by="", pushed_m=None, steps=()) for trial in TRIALS]
 
 
 def test_what_is_not_a_number_comes_back_as_that(path: Path) -> None:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 import pytest
 import torch
+from numpy.typing import NDArray
 from tests.support.scorers import FunctionScorer
 from tests.support.scripted_station import ScriptedStation
 
@@ -105,6 +108,24 @@ def test_a_trial_keeps_what_its_cause_is_told_from() -> None:
     assert (trial.score, trial.contact_force_n) == (1.0, 17.0)
     assert trial.contact_height_m == pytest.approx(0.06)
     assert (trial.closed_m, trial.lifted_m, trial.final_m) == (0.03, 0.02, 0.0)
+
+
+def test_how_far_the_nearest_object_was_pushed_is_told_by_a_station_that_knows() -> None:
+    assert run(ScriptedStation(), score=1.0).pushed_m is None
+    trial = run(SeeingStation(touched_by="palm"), score=1.0)
+    assert trial.touched_by == "palm"
+    assert trial.pushed_m == pytest.approx(0.05)
+
+
+@dataclass
+class SeeingStation(ScriptedStation):
+    """Knows its objects: one under the gripper, which a grasp moves by 30 and 40 mm, and one far from it."""
+
+    def object_positions_m(self) -> NDArray[np.float64]:
+        x_m, y_m = self.pose.x_m, self.pose.y_m
+        moved = "close" in self.calls
+        under = (x_m + 0.03, y_m + 0.04, 0.3) if moved else (x_m, y_m, 0.02)
+        return np.array([(x_m + 1.0, y_m, 0.02), under])
 
 
 def test_what_was_not_reached_was_not_measured() -> None:

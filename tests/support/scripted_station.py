@@ -29,6 +29,7 @@ class ScriptedStation:
     widths_m: tuple[float, float, float] = (0.03, 0.03, 0.03)
     """Closed, lifted, shaken."""
     truth_held: bool | None = True
+    touched_by: str = ""
     calls: list[str] = field(default_factory=list)
     spec: StationSpec = field(default_factory=lambda: small_header(source="ur10", seed=None).station)
     workspace: Workspace = AREA
@@ -62,7 +63,9 @@ class ScriptedStation:
     def descend(self) -> Descent:
         self._phase("descend")
         return Descent(
-            contact_force_n=self.contact_force_n, pose_base_tool=self.pose.pose_base_tool(self.contact_height_m)
+            contact_force_n=self.contact_force_n,
+            pose_base_tool=self.pose.pose_base_tool(self.contact_height_m),
+            touched_by=self.touched_by,
         )
 
     def close_gripper(self) -> float:

@@ -73,3 +73,32 @@ def test_one_finger_is_touch_enough(bullet: BulletClient, arm: Arm) -> None:
     steps(bullet, 20)
     assert arm.hand.contact_force_n > 0
     assert arm.hand.touches(body)
+
+
+@pytest.mark.parametrize(
+    ("part", "half_size_m", "place_m"),
+    [
+        ("finger", (0.02, 0.02, 0.05), (0.6 + 0.0425 + 0.005, 0.0, HEIGHT_M - 0.048)),
+        ("palm", (0.01, 0.01, 0.06), (0.6, 0.0, HEIGHT_M + 0.007)),  # Between the fingers, 65 mm long.
+    ],
+)
+def test_the_part_that_is_pressed_is_told(
+    bullet: BulletClient,
+    arm: Arm,
+    part: str,
+    half_size_m: tuple[float, float, float],
+    place_m: tuple[float, float, float],
+) -> None:
+    steps(bullet, 5)
+    assert arm.hand.pressed_part == ""
+    block(bullet, half_size_m, place_m)
+    steps(bullet, 5)
+    assert arm.hand.pressed_part == part
+
+
+def test_what_presses_on_the_forearm_presses_on_the_arm(bullet: BulletClient, arm: Arm) -> None:
+    links = {bullet.getJointInfo(arm.body, joint)[12]: joint for joint in range(bullet.getNumJoints(arm.body))}
+    middle_m = bullet.getLinkState(arm.body, links[b"forearm_link"])[0]
+    block(bullet, (0.03, 0.03, 0.03), middle_m)
+    steps(bullet, 5)
+    assert arm.hand.pressed_part == "arm"

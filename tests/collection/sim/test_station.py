@@ -14,7 +14,7 @@ from handsight.collection.errors import ObjectSetError, SceneUnsettledError, Sta
 from handsight.collection.policy import Pregrasp, UniformPolicy
 from handsight.collection.sim.config import MOST_REDRAWS, SimConfig
 from handsight.collection.sim.station import UNSETTLED_SCENES, SimStation, SimStationFactory
-from handsight.collection.station import Pushable
+from handsight.collection.station import Pushable, SeesObjects
 from handsight.datasets.records import PHASES, GraspAttempt, Outcome, RgbdFrame, SceneObjects
 from handsight.servoing.planar import PlanarPose
 
@@ -184,6 +184,22 @@ def test_an_unreachable_move_leaves_the_arm_where_it_is(station: SimStation) -> 
     with pytest.raises(UnreachableError):
         station.reach(PlanarPose(x_m=2.0, y_m=0.0, angle_rad=0.0))
     np.testing.assert_array_equal(station.look().pose_base_tool, before)
+
+
+def test_a_descent_says_what_it_ended_on_and_the_station_where_objects_are(station: SimStation) -> None:
+    """Fingers beside the middle of an object by half of the opening come down on it."""
+    assert isinstance(station, SeesObjects)
+    scene = station.reset(np.random.default_rng(4))
+    before_m = station.object_positions_m()
+    np.testing.assert_allclose(before_m, scene.pose_base_object[:, :3], atol=1e-9)
+    x_m, y_m = before_m[scene.target, :2].tolist()
+    station.reach(PlanarPose(x_m=x_m + 0.0425, y_m=y_m, angle_rad=0.0))
+    descent = station.descend()
+    assert descent.contact_force_n > 0
+    assert descent.touched_by == "finger"
+    station.push((x_m, y_m), (0.04, 0.0))
+    moved_m = np.linalg.norm(station.object_positions_m() - before_m, axis=1)
+    assert moved_m[scene.target] > 0.02
 
 
 def test_what_is_pushed_moves_in_the_picture_and_the_arm_does_not(station: SimStation) -> None:
