@@ -15,17 +15,16 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from handsight.evaluation.level import NO_STEP, Points, before_step, inverse, on_level, pixels_of
 from handsight.servoing.camera import HandCamera
 from handsight.servoing.homography import InputGrid, raw_from_input
-from handsight.servoing.planar import PlanarPose, PlanarStep
+from handsight.servoing.planar import PlanarStep
 from handsight.servoing.view import View
 
 SAME_DEPTH_M = 0.005
 """Depths that differ by no more show the same surface: five steps of the depth picture, less than any object."""
 
 Bools = NDArray[np.bool_]
-Points = NDArray[np.float64]
-"""Places in a raw picture (column, row) [px], or on a level (x, y) [m]. Shape (N, 2)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,7 +48,7 @@ def pixel_faults(before: View, after: View, step: PlanarStep, *, grid: InputGrid
         step: From the pose of the first picture to that of the second.
         grid: Crop and size of the network input.
     """
-    source, truth = input_pixels(before, step, grid=grid), input_pixels(after, _NO_STEP, grid=grid)
+    source, truth = input_pixels(before, step, grid=grid), input_pixels(after, NO_STEP, grid=grid)
     extrapolated = ~inside(before.camera, source)
     predicted_m, true_m = _depth_m(before, source), _depth_m(after, truth)  # NaN outside and where invalid
     wrong = ~extrapolated & (np.abs(predicted_m - true_m) > SAME_DEPTH_M)
@@ -77,52 +76,20 @@ def inside(camera: HandCamera, pixels: Points) -> Bools:
     return np.asarray(((pixels >= 0) & (pixels <= last)).all(axis=1))
 
 
-def inverse(step: PlanarStep) -> PlanarStep:
-    """The step that leads back."""
-    return _HERE.after(step).step_to(_HERE)
-
-
-_HERE = PlanarPose(x_m=0.0, y_m=0.0, angle_rad=0.0)
-_NO_STEP = PlanarStep(dx_m=0.0, dy_m=0.0, dangle_rad=0.0)
-
-
 def _hidden(view: View, pixels: Points, other: View, other_to_view: PlanarStep) -> Bools:
     """Which of the surface points at ``pixels`` of a view the other one misses though they lie in its picture. (N,).
 
     A point is there if a pixel beside its place has its depth: cameras of equal height measure equal depths.
     """
     depth_m = _depth_m(view, pixels)
-    places = _turned(_level(view.camera, pixels, depth_m), other_to_view)
-    seen_at = _pixels(other.camera, places, depth_m)
+    places = before_step(on_level(view.camera, pixels, depth_m), other_to_view)
+    seen_at = pixels_of(other.camera, places, depth_m)
     found = np.zeros(len(pixels), dtype=np.bool_)
     for column in (-1, 0, 1):
         for row in (-1, 0, 1):
             found |= np.abs(_depth_m(other, seen_at + np.array([column, row])) - depth_m) <= SAME_DEPTH_M
     missed: Bools = inside(other.camera, seen_at) & ~found
     return missed
-
-
-def _level(camera: HandCamera, pixels: Points, depth_m: NDArray[np.float64]) -> Points:
-    """The points that pixels show, in the tool frame and without their height [m]. (N, 2), (N,) -> (N, 2)."""
-    k = camera.intrinsics
-    offset_m = np.array([camera.x_tool_camera_m, camera.y_tool_camera_m])
-    places: Points = (pixels - (k.cx, k.cy)) / (k.fx, k.fy) * depth_m[:, None] + offset_m
-    return places
-
-
-def _pixels(camera: HandCamera, places: Points, depth_m: NDArray[np.float64]) -> Points:
-    """The inverse of :func:`_level`."""
-    k = camera.intrinsics
-    offset_m = np.array([camera.x_tool_camera_m, camera.y_tool_camera_m])
-    pixels: Points = (places - offset_m) / depth_m[:, None] * (k.fx, k.fy) + (k.cx, k.cy)
-    return pixels
-
-
-def _turned(places: Points, step: PlanarStep) -> Points:
-    """Points in the tool frame after a step, in the frame before it [m]. (N, 2) -> (N, 2)."""
-    cos, sin = np.cos(step.dangle_rad), np.sin(step.dangle_rad)
-    turned: Points = places @ np.array([[cos, sin], [-sin, cos]]) + (step.dx_m, step.dy_m)
-    return turned
 
 
 def _depth_m(view: View, pixels: Points) -> NDArray[np.float64]:

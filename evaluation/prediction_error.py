@@ -14,6 +14,7 @@ import torch
 from torch import Tensor
 
 from handsight.evaluation.pixel_faults import PixelFaults, pixel_faults
+from handsight.evaluation.point_cloud import predicted_by_points
 from handsight.servoing.objective import Objective
 from handsight.servoing.planar import PlanarStep
 from handsight.servoing.scorer import GraspScorer
@@ -34,11 +35,20 @@ class PredictionError:
     """What it makes of the input of the picture that was taken."""
     faults: PixelFaults
     """Shares of pixels that are wrong, by their cause."""
+    points_height_rms_m: float
+    """As ``height_rms_m``, of the input that the point cloud predicts."""
+    points_score: float
+    """What the network makes of that."""
 
     @property
     def score_error(self) -> float:
         """Predicted less true: positive where the prediction promises too much."""
         return self.predicted_score - self.true_score
+
+    @property
+    def points_score_error(self) -> float:
+        """The same of the point cloud's prediction."""
+        return self.points_score - self.true_score
 
 
 def prediction_error(before: View, after: View, step: PlanarStep, scorer: GraspScorer) -> PredictionError:
@@ -55,6 +65,7 @@ def prediction_error(before: View, after: View, step: PlanarStep, scorer: GraspS
         ScoreError: A score is not in [0, 1].
     """
     ahead, there = Objective(before, scorer), Objective(after, scorer)
+    by_points = Objective(predicted_by_points(before, step), scorer)
     steps = torch.tensor([[step.dx_m, step.dy_m, step.dangle_rad]], dtype=torch.float32)
     with torch.no_grad():
         predicted = ahead.inputs(steps)
@@ -65,6 +76,8 @@ def prediction_error(before: View, after: View, step: PlanarStep, scorer: GraspS
             predicted_score=float(ahead.scores(predicted)[0]),
             true_score=there.score_here(),
             faults=pixel_faults(before, after, step, grid=scorer.grid),
+            points_height_rms_m=_rms((by_points.inputs_here() - there.inputs_here())[3]),
+            points_score=by_points.score_here(),
         )
 
 

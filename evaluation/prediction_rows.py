@@ -50,6 +50,10 @@ class PredictionRow(TypedDict):
     """Nine of ten differences are no larger."""
     score_error_se: float
     """Standard error of their mean; every step of a row is of another scene."""
+    points_height_rms_mm: float
+    """As ``height_rms_mm``, where the point cloud predicts."""
+    points_score_error: float
+    """As ``score_error``, where the point cloud predicts."""
 
 
 def prediction_rows(scenes: Iterable[SceneSurvey]) -> list[PredictionRow]:
@@ -108,4 +112,6 @@ def _row(
         score_error=float(sizes.mean()),
         score_error_90=float(np.quantile(sizes, 0.9)),
         score_error_se=float(sizes.std() / math.sqrt(len(sizes))),
+        points_height_rms_mm=1e3 * float(np.mean([error.points_height_rms_m for error in errors])),
+        points_score_error=float(np.mean([abs(error.points_score_error) for error in errors])),
     )

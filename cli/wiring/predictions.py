@@ -77,6 +77,7 @@ def _print_errors(rows: Sequence[PredictionRow], size: str) -> None:
             f"{row['score_error']:.3f}",
             f"{row['score_error_90']:.3f}",
             f"{row['score_bias']:+.3f}",
+            f"{row['points_score_error']:.3f}",
         )
         for row in rows
     ]
@@ -91,6 +92,7 @@ def _print_errors(rows: Sequence[PredictionRow], size: str) -> None:
         "score",
         "90 %",
         "bias",
+        Column(heading="cloud", rank=1),
     )
     print_table(columns, cells)
     console.print()
@@ -136,4 +138,6 @@ def _samples(scene: SceneSurvey) -> Iterable[dict[str, Any]]:
             "extrapolated": one.error.faults.extrapolated,
             "occluded": one.error.faults.occluded,
             "displaced": one.error.faults.displaced,
+            "points_height_rms_m": one.error.points_height_rms_m,
+            "points_score": one.error.points_score,
         }

@@ -9,7 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.support.boxes import CAMERA, GRID, Box, look
 
-from handsight.evaluation.pixel_faults import inverse, pixel_faults
+from handsight.evaluation.level import inverse
+from handsight.evaluation.pixel_faults import pixel_faults
 from handsight.servoing.planar import PlanarPose, PlanarStep
 
 HERE = PlanarPose(x_m=0.6, y_m=0.0, angle_rad=0.0)

@@ -12,7 +12,15 @@ from handsight.evaluation.prediction_survey import Kind, PredictionSample, Scene
 
 def sample(kind: Kind, size: float, height_m: float, *, score: float = 0.5, true: float = 0.5) -> PredictionSample:
     faults = PixelFaults(extrapolated=0.1, occluded=0.02, displaced=0.01)
-    error = PredictionError(colour_rms=0.05, height_rms_m=0.002, predicted_score=score, true_score=true, faults=faults)
+    error = PredictionError(
+        colour_rms=0.05,
+        height_rms_m=0.002,
+        predicted_score=score,
+        true_score=true,
+        faults=faults,
+        points_height_rms_m=0.001,
+        points_score=true - 0.05,
+    )
     return PredictionSample(kind=kind, size=size, height_m=height_m, error=error)
 
 
@@ -38,6 +46,8 @@ def test_steps_are_binned_by_size_and_by_height() -> None:
     assert both["steps"] == 2
     assert both["score_bias"] == pytest.approx(0.1)
     assert both["score_error"] == pytest.approx(0.3)
+    assert both["points_score_error"] == pytest.approx(0.05)
+    assert both["points_height_rms_mm"] == pytest.approx(1.0)
     assert both["score_error_90"] == pytest.approx(0.38)
     assert both["score_error_se"] == pytest.approx(0.1 / math.sqrt(2))
     assert both["height_rms_mm"] == pytest.approx(2.0)
