@@ -11,6 +11,8 @@ import ctypes
 import os
 import sys
 from collections.abc import Iterator
+from functools import partial
+from typing import Any
 
 _flush_c_streams = ctypes.CDLL(None).fflush
 
@@ -38,9 +40,24 @@ def quiet() -> Iterator[None]:
 
 with quiet():
     import pybullet
-    from pybullet_utils.bullet_client import BulletClient
+    from pybullet_utils import bullet_client
 
 __all__ = ["BulletClient", "connect", "pybullet", "quiet"]
+
+
+class BulletClient(bullet_client.BulletClient):  # type: ignore[misc]
+    """PyBullet's client, which binds a function to its world once and not with every call: a twentieth of an attempt."""
+
+    def __getattr__(self, name: str) -> Any:
+        """A function of PyBullet for this client's world, or a constant."""
+        attribute = super().__getattr__(name)
+        if name == "disconnect":
+            # PyBullet gives the number of a world that is gone to the next one.
+            for bound in [known for known, value in vars(self).items() if isinstance(value, partial)]:
+                delattr(self, bound)
+        else:
+            setattr(self, name, attribute)
+        return attribute
 
 
 def connect() -> BulletClient:
