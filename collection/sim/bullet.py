@@ -46,7 +46,7 @@ __all__ = ["BulletClient", "connect", "pybullet", "quiet"]
 
 
 class BulletClient(bullet_client.BulletClient):  # type: ignore[misc]
-    """PyBullet's client, which binds a function to its world once and not with every call: a twentieth of an attempt."""
+    """PyBullet's client, which binds a function to its world once, not with every call: a twentieth of an attempt."""
 
     def __getattr__(self, name: str) -> Any:
         """A function of PyBullet for this client's world, or a constant."""
