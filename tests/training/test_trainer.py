@@ -191,9 +191,9 @@ def test_a_grasp_that_was_recorded_twice_is_held_out_whole() -> None:
 
 def with_grasps(data: GraspInputs, session: str) -> GraspInputs:
     """The same inputs, as if a session with seed 3 had recorded them."""
-    columns = {"seed": pd.array([3] * len(data.attempts), dtype="Int64"), "number": range(len(data.attempts))}
-    attempts = data.attempts.assign(**columns)
-    return replace(data, attempts=attempts.set_index(pd.Index([f"{session}-{n}" for n in columns["number"]])))
+    count = len(data.attempts)
+    attempts = data.attempts.assign(seed=pd.array([3] * count, dtype="Int64"), number=np.arange(count))
+    return replace(data, attempts=attempts.set_index(pd.Index([f"{session}-{n}" for n in range(count)])))
 
 
 def test_mixed_inputs_and_labels_have_the_same_share_of_the_same_others() -> None:

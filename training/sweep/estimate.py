@@ -21,7 +21,7 @@ from handsight.training.sweep.result import CellResult
 from handsight.training.sweep.work import SweepContext, SweepContextFactory
 
 ASSUMED_PASSES = 19
-"""Of a cell, as long as none is done: training ends by held-out loss. The mean over 115 cells of figure 7, by samples."""
+"""Of a cell, as long as none is done: training ends by held-out loss. Mean over 115 cells of figure 7, by samples."""
 _BATCHES = 10
 
 
