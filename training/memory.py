@@ -1,4 +1,4 @@
-"""Memory of a process that trains: kept between two steps, not given back to the system.
+"""Memory of a process that trains or scores: kept between two steps, not given back to the system.
 
 A step asks for some dozens of blocks of a few megabytes and lets go of all of them. Left to itself, the allocator of
 glibc gives them back each time, and the kernel clears every page anew: a third of a step's time.

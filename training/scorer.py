@@ -10,6 +10,7 @@ from handsight.servoing.sweep import score_each_window
 from handsight.training.errors import NetworkSettingsError, PictureError
 from handsight.training.folded import folded
 from handsight.training.gqn import GraspQualityNetwork
+from handsight.training.memory import keep_freed_memory
 from handsight.training.precision import Precision, dtype_for
 
 
@@ -36,6 +37,9 @@ class Scorer:
                 f"the grid makes inputs of {grid.size_px} px, expected {network.config.size_px} px, which the network "
                 "reads"
             )
+        # Every batch of a servo step asks for megabytes and frees them: to clear them anew each time takes a third of the
+        # full CEM.
+        keep_freed_memory()
         self._folded = folded(network, dtype=dtype_for(precision, network.get_buffer("shift").device))
         self.grid = grid
 
