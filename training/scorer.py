@@ -37,8 +37,8 @@ class Scorer:
                 f"the grid makes inputs of {grid.size_px} px, expected {network.config.size_px} px, which the network "
                 "reads"
             )
-        # Every batch of a servo step asks for megabytes and frees them: to clear them anew each time takes a third of the
-        # full CEM.
+        # Every batch of a servo step asks for megabytes and frees them: to clear them anew each time takes a third of
+        # the full CEM.
         keep_freed_memory()
         self._folded = folded(network, dtype=dtype_for(precision, network.get_buffer("shift").device))
         self.grid = grid
