@@ -19,6 +19,7 @@ from handsight.datasets.address import DatasetAddress
 from handsight.datasets.errors import DatasetError, counted
 from handsight.datasets.format.schema import Viewpoint
 from handsight.datasets.inputs.materialize import usable_attempts
+from handsight.datasets.inputs.mixture import mixed_attempts
 from handsight.datasets.inputs.twins import grasp_keys
 from handsight.datasets.reading.reader import GraspDataset
 from handsight.training.data_selection import DataSelection
@@ -61,11 +62,10 @@ def held_out_attempts(record: Mapping[str, Any], *, beside: GraspDataset) -> lis
         chosen = _chosen(record, parts)
     except (DatasetError, OSError) as error:
         raise HeldOutError(f"what the run was trained on cannot be read again: {error}") from error
-    attempts = pd.concat([rows[["success"]] for _, _, rows in parts]).index
+    table = mixed_attempts([rows for _, _, rows in parts])
+    attempts = table.index
     generator = torch.Generator().manual_seed(settings["seed"])
-    # One part after another: a mixture may have its sessions' seeds in another type.
-    grasps = pd.Index([key for _, _, rows in parts for key in grasp_keys(rows)])
-    keys = grasps if record.get(TWINS_TOGETHER) else attempts
+    keys = grasp_keys(table) if record.get(TWINS_TOGETHER) else attempts
     held, _ = split_held_out(keys, chosen, settings["holdout"], generator)
     if len(held) != expected:
         raise HeldOutError(

@@ -45,7 +45,7 @@ with quiet():
 __all__ = ["BulletClient", "connect", "pybullet", "quiet"]
 
 
-class BulletClient(bullet_client.BulletClient):  # type: ignore[misc]
+class BulletClient(bullet_client.BulletClient):  # type: ignore[misc]  # Its library has no types.
     """PyBullet's client, which binds a function to its world once, not with every call: a twentieth of an attempt."""
 
     def __getattr__(self, name: str) -> Any:

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -108,15 +109,14 @@ class Hand:
         the flank of a thin object is pressed sideways, nor their vector sum, in which two fingers that wedge an
         object cancel.
         """
-        contacts = self._bullet.getContactPoints(bodyA=self._body)
-        return float(sum(contact[9] for contact in contacts if contact[2] != self._body))
+        return float(sum(contact[9] for contact in self._contacts()))
 
     @property
     def pressed_part(self) -> str:
         """What the world presses on hardest: ``finger``, ``palm`` or ``arm``; empty where it presses on nothing."""
         forces_n: Counter[str] = Counter()
-        for contact in self._bullet.getContactPoints(bodyA=self._body):
-            if contact[2] != self._body and contact[9] > 0:
+        for contact in self._contacts():
+            if contact[9] > 0:
                 link = contact[3]
                 part = "finger" if link in self._fingers else "palm" if link >= self._slide else "arm"
                 forces_n[part] += contact[9]
@@ -128,8 +128,7 @@ class Hand:
 
         The arm does not yield as the hand does, so what it would touch is not left to be felt.
         """
-        contacts = self._bullet.getContactPoints(bodyA=self._body)
-        near_m = [contact[8] for contact in contacts if contact[2] != self._body and 0 <= contact[3] < self._slide]
+        near_m = [contact[8] for contact in self._contacts() if 0 <= contact[3] < self._slide]
         return float(min(near_m, default=math.inf))
 
     @property
@@ -140,12 +139,16 @@ class Hand:
         its weight remains.
         """
         total_n = np.zeros(3)
-        for contact in self._bullet.getContactPoints(bodyA=self._body):
-            if contact[2] != self._body:
-                # Bullet's normal points at the first body, its friction is what the first body does to the second.
-                total_n += contact[9] * np.asarray(contact[7])
-                total_n -= contact[10] * np.asarray(contact[11]) + contact[12] * np.asarray(contact[13])
+        for contact in self._contacts():
+            # Bullet's normal points at the first body, its friction is what the first body does to the second.
+            total_n += contact[9] * np.asarray(contact[7])
+            total_n -= contact[10] * np.asarray(contact[11]) + contact[12] * np.asarray(contact[13])
         return total_n
+
+    def _contacts(self) -> list[tuple[Any, ...]]:
+        """Bullet's contacts of arm and hand with anything else."""
+        contacts = self._bullet.getContactPoints(bodyA=self._body)
+        return [contact for contact in contacts if contact[2] != self._body]
 
     def resist(self, force_n: float) -> None:
         """Have the slide give way at so much [N] beside the weight of the hand, from now on."""

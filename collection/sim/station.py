@@ -286,19 +286,20 @@ class SimStation:
         goal[2, 3] = self._config.table_height_m
         touch_m = first_touch_m(self._bullet, self._gripper, start)
         slow_from_m = start[2, 3] - touch_m - TOUCH_MARGIN_M if touch_m > goal[2, 3] else math.inf
-        force_n = 0.0
+        force_n, felt = 0.0, False
 
         def touched() -> bool:
-            nonlocal force_n
+            nonlocal force_n, felt
             force_n = hand.contact_force_n
-            return force_n >= self._config.contact_force_n or hand.arm_clearance_m < ARM_CLEARANCE_M
+            felt = force_n >= self._config.contact_force_n
+            return felt or hand.arm_clearance_m < ARM_CLEARANCE_M
 
         stopped = self._arm.move_line(goal, self._step, phase="descend", stop=touched, slow_from_m=slow_from_m)
         return Descent(
             contact_force_n=force_n if stopped else 0.0,
             pose_base_tool=hand.pose_base_tool,
-            # The arm ends the descent before it touches.
-            touched_by=(hand.pressed_part or "arm") if stopped else "",
+            # Where no force ended the descent, something came too near to the arm, whatever the hand felt besides.
+            touched_by="" if not stopped else hand.pressed_part if felt else "arm",
         )
 
     def close_gripper(self) -> float:

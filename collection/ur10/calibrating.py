@@ -18,7 +18,6 @@ from handsight.collection.ur10.gripper import Gripper
 from handsight.collection.ur10.hand_eye import board_pose, solve_hand_eye
 from handsight.collection.ur10.poses import matrix_of
 from handsight.collection.ur10.rig import RigConfig
-from handsight.servoing.camera import Intrinsics
 from handsight.servoing.planar import PlanarPose
 
 MOST_TILT_RAD = math.radians(25.0)
@@ -47,7 +46,7 @@ def calibrate_camera(arm: Arm, camera: Camera, *, robot_serial: str) -> CameraCa
         DeviceError: The arm or the camera fails.
     """
     rig, found = arm.rig, camera.description()
-    intrinsics = Intrinsics(width=found.width, height=found.height, fx=found.fx, fy=found.fy, cx=found.cx, cy=found.cy)
+    intrinsics = found.intrinsics
     tools: list[NDArray[np.float64]] = []
     boards: list[NDArray[np.float64]] = []
     for pose in board_views(rig):

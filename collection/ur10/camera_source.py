@@ -6,6 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Protocol
 
+from handsight.servoing.camera import Intrinsics
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CameraDescription:
@@ -14,12 +16,7 @@ class CameraDescription:
     name: str
     serial: str
     firmware: str
-    width: int
-    height: int
-    fx: float
-    fy: float
-    cx: float
-    cy: float
+    intrinsics: Intrinsics
     depth_scale_m: float
 
 
@@ -52,12 +49,14 @@ def described(intrinsics: Any, scale_m: float, said: Callable[[str], str]) -> Ca
         name=said("name"),
         serial=said("serial_number"),
         firmware=said("firmware_version"),
-        width=int(intrinsics.width),
-        height=int(intrinsics.height),
-        # Kept as floats of 32 bits there: 0.001 comes back as 0.0010000000475.
-        fx=round(float(intrinsics.fx), 5),
-        fy=round(float(intrinsics.fy), 5),
-        cx=round(float(intrinsics.ppx), 5),
-        cy=round(float(intrinsics.ppy), 5),
+        intrinsics=Intrinsics(
+            width=int(intrinsics.width),
+            height=int(intrinsics.height),
+            # Kept as floats of 32 bits there: 0.001 comes back as 0.0010000000475.
+            fx=round(float(intrinsics.fx), 5),
+            fy=round(float(intrinsics.fy), 5),
+            cx=round(float(intrinsics.ppx), 5),
+            cy=round(float(intrinsics.ppy), 5),
+        ),
         depth_scale_m=round(scale_m, 9),
     )

@@ -106,10 +106,11 @@ def mixed(parts: Sequence[GraspInputs]) -> LabelledInputs:
         return parts[0]
     return MixedInputs(
         inputs=StackedInputs([part.inputs for part in parts]),
-        attempts=pd.concat([_labels_and_twins(part.attempts) for part in parts]),
+        attempts=mixed_attempts([part.attempts for part in parts]),
     )
 
 
-def _labels_and_twins(attempts: pd.DataFrame) -> pd.DataFrame:
-    """What is asked of attempts of several datasets: other columns can be of several types."""
-    return attempts[["success", *(name for name in TWIN_COLUMNS if name in attempts)]]
+def mixed_attempts(tables: Sequence[pd.DataFrame]) -> pd.DataFrame:
+    """What is asked of attempts of several datasets, one table after another: other columns can be of several types."""
+    columns = ("success", *TWIN_COLUMNS)
+    return pd.concat([table[[name for name in columns if name in table]] for table in tables])

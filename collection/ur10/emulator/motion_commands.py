@@ -6,7 +6,7 @@ Stopping synchronously is ``stopj`` until an asynchronous stop was asked for onc
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,25 +38,16 @@ def _move(program: Program, path: Path) -> Steps:
 
 
 def _joint_path(program: Program, goal_rad: NDArray[np.float64]) -> Path:
-    robot = program.robot
-    return joint_path(
-        robot.target_rad,
-        goal_rad,
-        speed=program.double(6),
-        acceleration=program.double(7),
-        tcp_offset=robot.tcp_offset,
-    )
+    return joint_path(program.robot.target_rad, goal_rad, **_pace(program))
 
 
 def _line_path(program: Program, goal: NDArray[np.float64]) -> Path:
-    robot = program.robot
-    return line_path(
-        robot.target_rad,
-        goal,
-        speed=program.double(6),
-        acceleration=program.double(7),
-        tcp_offset=robot.tcp_offset,
-    )
+    return line_path(program.robot.target_rad, goal, **_pace(program))
+
+
+def _pace(program: Program) -> dict[str, Any]:
+    """How fast a path is gone, and by which point of the tool."""
+    return {"speed": program.double(6), "acceleration": program.double(7), "tcp_offset": program.robot.tcp_offset}
 
 
 def move_j(program: Program) -> Steps:

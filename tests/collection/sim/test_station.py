@@ -9,7 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from handsight.collection.attempt import attempt_seed, run_attempt
+from handsight.collection.attempt import (
+    AttemptProgress,
+    AttemptStreams,
+    attempt_seed,
+    begin_attempt,
+    run_attempt,
+)
 from handsight.collection.errors import ObjectSetError, SceneUnsettledError, StationSettingsError, UnreachableError
 from handsight.collection.policy import Pregrasp, UniformPolicy
 from handsight.collection.sim.config import MOST_REDRAWS, SimConfig
@@ -95,6 +101,10 @@ def test_the_arm_stops_above_what_stands_under_its_elbow() -> None:
     station = SimStation(SimConfig(objects="household-train"))
     try:
         recorded = run_attempt(station, UniformPolicy(), 6634, attempt_seed(0, 6634))
+        begin_attempt(
+            AttemptProgress(station=station), UniformPolicy(), AttemptStreams.from_seed(attempt_seed(0, 6634))
+        )
+        assert station.descend().touched_by == "arm"
     finally:
         station.close()
     assert recorded.outcome is Outcome.EMPTY
