@@ -19,7 +19,8 @@ SIZES = {"move": "moved [mm]", "turn": "turned [deg]"}
 """What the column of sizes is called."""
 ON_AVERAGE = (
     "score: predicted less true, mean size and its 90 % point; bias: mean. border: extrapolated pixels; hidden: wrong "
-    "because an object hides them or shows a face; shifted: wrong in depth for no such reason."
+    "because an object hides them or shows a face; shifted: wrong in depth for no such reason; cloud: score "
+    "where the point cloud predicts instead of the homography."
 )
 
 
