@@ -13,7 +13,10 @@ from tests.support.fuzz import Workbench
 from tests.support.fuzz_parsers import PARSERS
 
 INPUTS = 200
-FEWER = {"options": 100, "stored": 30, "refs": 100, "columns": 60, "attributes": 40}
+FEWER = {
+    **{"options": 100, "stored": 30, "refs": 100, "columns": 60, "attributes": 40, "cache": 80, "zarr": 80},
+    **{"hdf5": 50, "hdf5-set": 80, "lerobot": 80, "lerobot-set": 80},
+}
 """Of those that run whole commands on a dataset; each of them takes a tenth of a second and more."""
 
 
