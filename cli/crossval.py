@@ -6,7 +6,8 @@ from typing import Annotated, Literal
 
 import typer
 
-from handsight.cli.ablate import (
+from handsight.cli.options import Dataset, DryRun, EngineName, Json, RayAddress, Seed, Workers
+from handsight.cli.sweep import (
     USUAL_TRIALS,
     Allow,
     Balance,
@@ -22,7 +23,6 @@ from handsight.cli.ablate import (
     sizes_of,
     sweep,
 )
-from handsight.cli.options import Dataset, DryRun, EngineName, Json, RayAddress, Seed, Workers
 from handsight.datasets.inputs.viewpoint import DEFAULT_VIEWPOINT
 
 

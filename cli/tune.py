@@ -7,11 +7,11 @@ from typing import Annotated, Literal
 
 import typer
 
-from handsight.cli.ablate import By, Epochs, HeldOut, SweepViewpoint, sizes_of
 from handsight.cli.errors import CommandError
 from handsight.cli.opening import checked_address
 from handsight.cli.options import Dataset, DryRun, EngineName, Json, RayAddress, Seed, Workers
 from handsight.cli.output import print_json
+from handsight.cli.sweep import By, Epochs, HeldOut, SweepViewpoint, sizes_of
 from handsight.cli.wiring.engines import check_engine, engine_named
 from handsight.datasets.address import location_of
 from handsight.datasets.inputs.viewpoint import DEFAULT_VIEWPOINT

@@ -13,9 +13,10 @@ from tests.support.s3_server import empty_bucket, s3_server
 from tests.support.sweep_kills import kill_sweep
 from tests.support.swept import make_swept
 
-from handsight.cli.ablate import sizes_of, varied_of
+from handsight.cli.ablate import varied_of
 from handsight.cli.app import run
 from handsight.cli.errors import CommandError
+from handsight.cli.sweep import sizes_of
 from handsight.datasets import GraspRepository
 from handsight.datasets.address import S3Prefix, location_of
 from handsight.datasets.store.files import read_object, stored_files
