@@ -22,6 +22,7 @@ from handsight.cli.options import (
     EngineName,
     Gripper,
     Json,
+    Level,
     Live,
     LiveUrl,
     Model,
@@ -68,6 +69,7 @@ def evaluate_command(
             f"{RIG_THRESHOLD} on a rig."
         ),
     ] = None,
+    level: Level = False,
     seed: TrialSeed = EVALUATION_SEED,
     workers: Workers = 2,
     against: Annotated[
@@ -137,7 +139,7 @@ def evaluate_command(
         trials=trials,
         seed=seed,
         workers=workers if rig is None else 1,
-        servo=ServoSettings(threshold=_threshold(threshold, rig)),
+        servo=ServoSettings(threshold=_threshold(threshold, rig), level=level),
     )
     check_reference(against, settings.methods)
     disturbance = None if disturb is None else Disturbance.parse(disturb)

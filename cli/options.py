@@ -111,6 +111,13 @@ TrialSeed = Annotated[
     int, typer.Option("--seed", min=0, max=LARGEST_SEED, help="Scenes and starting poses follow from it.")
 ]
 
+Level = Annotated[
+    bool,
+    typer.Option(
+        "--level", help="Turn what the camera sees until the table in it is level, for a mount that was knocked."
+    ),
+]
+
 # Who watches.
 Live = Annotated[bool, typer.Option("--live", help="Show every step in a Rerun viewer while it happens.")]
 LiveUrl = Annotated[

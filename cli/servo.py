@@ -21,6 +21,7 @@ from handsight.cli.options import (
     RIG_THRESHOLD,
     Gripper,
     Json,
+    Level,
     Live,
     LiveUrl,
     Model,
@@ -60,6 +61,7 @@ def servo_command(
             f"{RIG_THRESHOLD} on a rig."
         ),
     ] = None,
+    level: Level = False,
     seed: TrialSeed = EVALUATION_SEED,
     scene_camera: Annotated[
         bool, typer.Option("--scene-camera", help="Also record the whole station from outside at every step.")
@@ -87,7 +89,7 @@ def servo_command(
     if threshold is None:
         threshold = DEFAULT_THRESHOLD if rig is None else RIG_THRESHOLD
     simulated = sim_station(objects, gripper=gripper) if rig is None else None
-    settings = ServoSettings(threshold=threshold)
+    settings = ServoSettings(threshold=threshold, level=level)
     with live_watch(live=live, url=live_url) as watch:
         factory = TrialContextFactory(open_station=simulated or _rig_station(rig), run=model, watch=watch)
         recording = record_trial(factory, method, trial, seed=seed, servo=settings)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Protocol
 
@@ -70,7 +70,7 @@ class ServoPolicy:
             "grid": self.open_network.grid.to_json(),
             "random_share": self.random_share,
             "half_range_m": self.start.half_range_m,
-            "servo": asdict(self.servo),
+            "servo": self.servo.to_json(),
         }
 
     def choose(self, station: Station, scene: SceneObjects | None, rng: np.random.Generator) -> Pregrasp:

@@ -102,7 +102,9 @@ def _check_settings(path: Path, first: str, settings: dict[str, Any]) -> None:
         raise JournalError(f"{path} is no journal of an evaluation: choose another file")
     if header[FORMAT] != VERSION:
         raise JournalError(f"{path} has version {header[FORMAT]!r}, expected {VERSION}: choose another file")
-    faults = [fault for name in settings for fault in _differences(name, settings[name], recorded.get(name))]
+    # Also what it had and we do not: what is usual goes without saying.
+    names = dict.fromkeys([*settings, *recorded])
+    faults = [fault for name in names for fault in _differences(name, settings.get(name), recorded.get(name))]
     if faults:
         raise JournalError(
             f"{path} holds trials of another evaluation: {'; '.join(faults)}: give the same options, or choose "

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any, Self
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from handsight.servoing.errors import ServoSettingsError
+from handsight.servoing.levelling import levelled
 from handsight.servoing.objective import Objective
 from handsight.servoing.optimiser import Proposal, ServoMethod
 from handsight.servoing.planar import PlanarPose, PlanarStep
@@ -29,10 +31,26 @@ class ServoSettings:
 
     threshold: float = 0.95
     """Predicted success above which the grasp is executed (0.95 in simulation, 0.85 on the rig)."""
+    level: bool = False
+    """Whether views are turned until the table in them is level, for a camera that may have been knocked."""
 
     def __post_init__(self) -> None:
         if not 0 < self.threshold <= 1:
             raise ServoSettingsError(f"threshold is {self.threshold}, expected in (0, 1]")
+
+    def to_json(self) -> dict[str, Any]:
+        """As sessions and journals keep them: levelling where it is asked for, as older ones do not know of it."""
+        return {"threshold": self.threshold, **({"level": True} if self.level else {})}
+
+    @classmethod
+    def from_json(cls, values: Mapping[str, Any]) -> Self:
+        """From what :meth:`to_json` gave.
+
+        Raises:
+            KeyError: There is no threshold.
+            ServoSettingsError: It is out of range.
+        """
+        return cls(threshold=values["threshold"], level=values.get("level", False))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,6 +58,7 @@ class ServoStep:
     """One pass of the loop: what was seen, what it was worth, what was chosen."""
 
     view: View
+    """As the method was given it."""
     pose: PlanarPose
     score: float
     """S_0, predicted success of grasping from ``pose``."""
@@ -113,6 +132,8 @@ def servo(
         asked = time.perf_counter()
         view, pose = look()
         seen = time.perf_counter()
+        if settings.level:
+            view = levelled(view)
         objective = Objective(view, scorer)
         score = objective.score_here()
         proposal = None

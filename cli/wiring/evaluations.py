@@ -97,7 +97,7 @@ def evaluate_model(
     decides = {
         "weights_sha256": run.weights_sha256,
         "seed": settings.seed,
-        "threshold": settings.servo.threshold,
+        **settings.servo.to_json(),
         "methods": {name: METHODS[name].to_json() for name in settings.methods},
         "objects": {name: station.settings() for name, station in stations.items()},
     }
@@ -126,6 +126,7 @@ def evaluate_model(
         "gripper": gripper,
         "seed": settings.seed,
         "threshold": settings.servo.threshold,
+        "level": settings.servo.level,
         "methods": [METHODS[name].to_json() for name in settings.methods],
         "trials": [{"objects": name, **trial_to_json(trial)} for name, some in trials.items() for trial in some],
         "disturbance": None if disturbance is None else str(disturbance),

@@ -84,7 +84,7 @@ def policy_named(
         open_network=_network(model),
         method=servoing,
         random_share=DEFAULT_RANDOM_SHARE if random_share is None else random_share,
-        servo=ServoSettings(**({} if threshold is None else {"threshold": threshold})),
+        servo=ServoSettings() if threshold is None else ServoSettings(threshold=threshold),
     )
 
 
@@ -126,7 +126,7 @@ def recorded_policy(settings: dict[str, Any], model: Path | None) -> PregraspPol
         method=method,
         random_share=rest["random_share"],
         start=UniformPolicy(half_range_m=rest["half_range_m"]),
-        servo=ServoSettings(threshold=servo["threshold"]),
+        servo=ServoSettings.from_json(servo),
     )
 
 

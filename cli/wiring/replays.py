@@ -67,6 +67,7 @@ def _call(run: Path, results: dict[str, Any], one: dict[str, Any]) -> str:
     """What shows a trial step by step."""
     words = ["handsight", "servo", "--model", str(run), "--method", one["method"]]
     words += ["--trial", str(one["number"]), "--objects", one["objects"], "--gripper", results["gripper"]]
+    words += ["--level"] if results.get("level") else []
     return shlex.join([*words, "--threshold", f"{results['threshold']:g}", "--seed", str(results["seed"])])
 
 
@@ -75,7 +76,7 @@ def _replayed(
 ) -> tuple[list[tuple[TrialRecording, str]], list[str]]:
     """The trials with everything seen and the calls that show them, and why others could not be had."""
     recordings, faults = [], []
-    servo = ServoSettings(threshold=results["threshold"])
+    servo = ServoSettings.from_json(results)
     with progress_bar("failures", len(chosen)) as bar:
         for objects in dict.fromkeys(one["objects"] for one in chosen):
             try:

@@ -82,7 +82,12 @@ def test_a_journal_of_other_weights_is_refused(model: Path, tmp_path: Path, caps
     other = ["evaluate", "--model", str(model.with_name("other")), *words, "--seed", "5"]
     check_refused(capsys, other, "weights_sha256 is ")
     check_refused(capsys, other, "seed is 5, and was 1000000")
+    check_refused(capsys, ["evaluate", "--model", str(model), *words, "--level"], "level is true, and was null")
     assert out.read_bytes() == before
+    level = tmp_path / "level.jsonl"
+    words = (*words[:-1], str(level))
+    assert evaluated(capsys, "--model", str(model), *words, "--level")["level"]
+    check_refused(capsys, ["evaluate", "--model", str(model), *words], "level is null, and was true")
 
 
 def scripted(monkeypatch: pytest.MonkeyPatch, **changes: Any) -> None:

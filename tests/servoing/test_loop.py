@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import torch
+from scipy.spatial.transform import Rotation
 from tests.support.drawn_table import DISC_XY_M, GRID, START, DrawnTable, brightness_in_the_middle
 from tests.support.scorers import FunctionScorer
 from torch import Tensor
 
+from handsight.datasets.records import RgbdFrame
+from handsight.evaluation.turned_camera import turned_frame
 from handsight.servoing.errors import ScoreError, ServoSettingsError
 from handsight.servoing.homography import InputGrid
 from handsight.servoing.loop import ServoSettings, ServoTrace, servo
@@ -19,6 +23,7 @@ from handsight.servoing.methods.first_order import FirstOrder
 from handsight.servoing.methods.global_first import GlobalFirst, GlobalSearch
 from handsight.servoing.optimiser import ServoMethod
 from handsight.servoing.planar import PlanarPose
+from handsight.servoing.view import View
 
 
 def run(
@@ -165,3 +170,40 @@ def test_with_one_look_the_step_is_grasped_unseen() -> None:
     assert trace.grasp_pose == world.pose == world.visited[-1]
     assert trace.grasp_score == pytest.approx(trace.steps[0].predicted, abs=1e-5)
     assert trace.steps[0].score < trace.grasp_score
+
+
+DEPTH_UNIT_M = 1e-5
+
+
+class KnockedTable(DrawnTable):
+    """The table by a camera that is tilted and believed to look straight down."""
+
+    def look(self) -> tuple[View, PlanarPose]:
+        view, pose = super().look()
+        depth = np.rint(view.depth_m / DEPTH_UNIT_M).astype(np.uint16)
+        frame = RgbdFrame(rgb=view.rgb, depth=depth, pose_base_tool=np.eye(4))
+        tilt = Rotation.from_euler("xy", [5.0, 3.0], degrees=True).as_matrix()
+        seen = turned_frame(frame, view.camera.intrinsics, tilt)
+        return replace(view, rgb=seen.rgb, depth_m=(seen.depth * DEPTH_UNIT_M).astype(np.float32)), pose
+
+
+@pytest.mark.parametrize("level", [False, True])
+def test_a_knocked_camera_leads_astray_unless_views_are_levelled(level: bool) -> None:
+    world = KnockedTable(START)
+    trace = servo(
+        world.look,
+        world.move,
+        FunctionScorer(brightness_in_the_middle, GRID),
+        ServoMethod(name="test", label="test", settings=Cem()),
+        settings=ServoSettings(threshold=0.95, level=level),
+        rng=np.random.default_rng(0),
+    )
+    away_m = np.hypot(world.pose.x_m - DISC_XY_M[0], world.pose.y_m - DISC_XY_M[1])
+    assert trace.confident
+    assert away_m < 0.02 if level else away_m > 0.03
+
+
+def test_settings_are_kept_as_sessions_from_before_levelling_keep_them() -> None:
+    assert ServoSettings(threshold=0.9).to_json() == {"threshold": 0.9}
+    for settings in (ServoSettings(threshold=0.9), ServoSettings(threshold=0.9, level=True)):
+        assert ServoSettings.from_json(settings.to_json()) == settings

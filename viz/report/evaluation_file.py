@@ -68,6 +68,7 @@ _FACTS = {
     "gripper": _TEXT,
     "seed": whole(-(2**63), 2**64 - 1),
     "threshold": _SHARE,
+    "level": or_null(truth),  # Older ones do not say.
 }
 
 

@@ -47,6 +47,8 @@ def evaluation_command(results: dict[str, Any]) -> str:
     words += ["--seed", str(results["seed"])]
     if results.get("disturbance"):
         words += ["--disturb", str(results["disturbance"])]
+    if results.get("level"):
+        words += ["--level"]
     return shlex.join(words)
 
 
