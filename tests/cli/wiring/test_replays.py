@@ -16,14 +16,17 @@ from handsight.viz.report.content import Gallery, Note
 METHODS = ("cem-1", "global")
 
 
-def test_a_picture_names_the_call_that_shows_its_trial(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize("said", [{}, {"level": True}], ids=["older", "levelled"])
+def test_a_picture_names_the_call_that_shows_its_trial(
+    said: dict[str, bool], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     save_untrained(tmp_path / "run")
     failed = [
         {"method": method, "number": number, "objects": "blocks-test", "success": False, "aborted": False, "score": 0.5}
         for method in METHODS
         for number in (1, 2)
     ]
-    results = {"trials": failed, "gripper": "2f-85", "threshold": 0.9, "seed": 5}
+    results = {"trials": failed, "gripper": "2f-85", "threshold": 0.9, "seed": 5, **said}
     gallery, *notes = failure_blocks(tmp_path / "run", results, 4)
     assert isinstance(gallery, Gallery)
     assert gallery.command == ""
@@ -31,7 +34,9 @@ def test_a_picture_names_the_call_that_shows_its_trial(tmp_path: Path, capsys: p
     assert len(gallery.pictures) + unlike == len(failed)
     calls = [shlex.split(one.command) for one in gallery.pictures]
     for call, one in zip(calls, gallery.pictures, strict=True):
-        options = dict(zip(call[2::2], call[3::2], strict=True))
+        assert ("--level" in call) == bool(said)
+        words = [word for word in call if word != "--level"]
+        options = dict(zip(words[2::2], words[3::2], strict=True))
         assert one.caption.startswith(f"{options['--method']}, trial {options['--trial']}: S ")
         assert (options["--seed"], options["--threshold"], options["--objects"]) == ("5", "0.9", "blocks-test")
     capsys.readouterr()
