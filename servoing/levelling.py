@@ -27,9 +27,9 @@ LEAST_SHARE: Final = 0.3
 _EVERY = 8
 """Pixels from one that is looked at to the next."""
 _LEAST_PIXELS = 50
-_BANDS_M = (0.060, 0.030, 0.015, 0.008, 0.005, 0.004, 0.004)
+_BANDS_M = (0.060, 0.030, 0.015, 0.010, 0.008, 0.006, 0.006, 0.006, 0.005, 0.004, 0.004)
 """How much nearer than the plane found so far a pixel may be, to count for the next [m]: objects go, noise stays."""
-_BOTH_WAYS_M = 0.008
+_BOTH_WAYS_M = 0.005
 """From this band on it may be no farther either. Before, objects have drawn the plane up from a table below it."""
 
 
@@ -64,10 +64,11 @@ def table_normal(view: View) -> NDArray[np.float64] | None:
     pixels = np.stack(
         [(columns * _EVERY - k.cx) / k.fx, (rows * _EVERY - k.cy) / k.fy, np.ones(len(rows))], axis=-1
     )  # (N, 3)
+    least = max(_LEAST_PIXELS, LEAST_SHARE * len(rows))
     on_plane = np.ones(len(rows), dtype=np.bool_)
     plane: NDArray[np.float64] = np.zeros(3)
     for band_m in _BANDS_M:
-        if np.count_nonzero(on_plane) < max(_LEAST_PIXELS, LEAST_SHARE * len(rows)):
+        if np.count_nonzero(on_plane) < least:
             return None
         plane = np.asarray(np.linalg.lstsq(pixels[on_plane], 1 / depth_m[on_plane], rcond=None)[0], dtype=np.float64)
         inverse = pixels @ plane
@@ -76,7 +77,7 @@ def table_normal(view: View) -> NDArray[np.float64] | None:
         on_plane = plane_m - depth_m < band_m
         if band_m <= _BOTH_WAYS_M:
             on_plane &= depth_m - plane_m < band_m
-    if np.count_nonzero(on_plane) < max(_LEAST_PIXELS, LEAST_SHARE * len(rows)):
+    if np.count_nonzero(on_plane) < least:
         return None
     normal: NDArray[np.float64] = plane / np.linalg.norm(plane)
     return normal

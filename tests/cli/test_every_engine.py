@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 from ray.cluster_utils import Cluster
+from tests.support.ray_cluster import ray_cluster
 from tests.support.s3_server import empty_bucket, s3_server
 from tests.support.swept import make_swept
 
@@ -20,7 +21,6 @@ from handsight.datasets.address import S3Prefix, location_of
 from handsight.datasets.store.files import read_object, stored_files
 from handsight.training.sweep.folder import METRICS, PREDICTIONS
 
-STORE_BYTES = 100 * 2**20
 HANDSIGHT = [sys.executable, "-P", "-c", "from handsight.cli.app import main; main()"]
 LIMIT_S = 300.0
 GRASPS, OUT = "s3://lab/week/grasps", "s3://lab/week/sweep"
@@ -34,19 +34,8 @@ def cluster(monkeypatch: pytest.MonkeyPatch) -> Iterator[Cluster]:
     with s3_server() as server:
         # Workers have the environment in which their node was started.
         empty_bucket(server, monkeypatch)
-        yield from two_nodes(monkeypatch)
-
-
-def two_nodes(monkeypatch: pytest.MonkeyPatch) -> Iterator[Cluster]:
-    monkeypatch.setenv("RAY_USAGE_STATS_ENABLED", "0")
-    nodes = Cluster()
-    try:
-        for _ in range(2):
-            nodes.add_node(num_cpus=1, object_store_memory=STORE_BYTES, include_dashboard=False)
-        nodes.wait_for_nodes(timeout=60)
-        yield nodes
-    finally:
-        nodes.shutdown()
+        with ray_cluster(nodes=2) as nodes:
+            yield nodes
 
 
 @contextmanager

@@ -16,7 +16,7 @@ from typing import IO
 import numpy as np
 import pytest
 import ray
-from ray.cluster_utils import Cluster
+from tests.support.ray_cluster import ray_cluster
 from tests.support.s3_server import empty_bucket, s3_server
 
 from handsight.cli.app import run
@@ -33,7 +33,6 @@ from handsight.jobs.ray_engine import ray_engine
 
 FACTORY = SimStationFactory(config=SimConfig())
 SETTINGS = CollectSettings(attempts=8, seed=11, workers=2)
-STORE_BYTES = 100 * 2**20
 ADDRESS = "s3://lab/week/grasps"
 
 
@@ -61,16 +60,8 @@ class SeenStation(SimStation):
 @pytest.fixture(scope="module")
 def head() -> Iterator[str]:
     """Address of the head of a cluster of two nodes with one CPU each."""
-    with pytest.MonkeyPatch.context() as environment:
-        environment.setenv("RAY_USAGE_STATS_ENABLED", "0")
-        cluster = Cluster()
-        try:
-            for _ in range(2):
-                cluster.add_node(num_cpus=1, object_store_memory=STORE_BYTES, include_dashboard=False)
-            cluster.wait_for_nodes(timeout=60)
-            yield cluster.address
-        finally:
-            cluster.shutdown()
+    with ray_cluster(nodes=2) as nodes:
+        yield nodes.address
 
 
 @pytest.fixture

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from ray.cluster_utils import Cluster
+from tests.support.ray_cluster import ray_cluster
 from tests.support.swept import RECIPE, make_swept, swept_plan
 
 from handsight.jobs.engine import LOCAL
@@ -18,8 +19,6 @@ from handsight.training.search.run import run_search
 from handsight.training.search.table import proposal_rows
 from handsight.training.sweep.plan import SweepPlan
 
-STORE_BYTES = 100 * 2**20
-
 
 @pytest.fixture(scope="module")
 def plan(tmp_path_factory: pytest.TempPathFactory) -> SweepPlan:
@@ -27,16 +26,9 @@ def plan(tmp_path_factory: pytest.TempPathFactory) -> SweepPlan:
 
 
 @pytest.fixture
-def cluster(monkeypatch: pytest.MonkeyPatch) -> Iterator[Cluster]:
-    """One node with one CPU."""
-    monkeypatch.setenv("RAY_USAGE_STATS_ENABLED", "0")
-    nodes = Cluster()
-    try:
-        nodes.add_node(num_cpus=1, object_store_memory=STORE_BYTES, include_dashboard=False)
-        nodes.wait_for_nodes(timeout=60)
+def cluster() -> Iterator[Cluster]:
+    with ray_cluster(nodes=1) as nodes:
         yield nodes
-    finally:
-        nodes.shutdown()
 
 
 def test_a_search_is_judged_on_a_cluster_as_here(plan: SweepPlan, cluster: Cluster, tmp_path: Path) -> None:
