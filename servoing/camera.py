@@ -47,6 +47,10 @@ class Intrinsics:
         focal = 0.5 * height / math.tan(0.5 * fov_y_rad)
         return cls(width=width, height=height, fx=focal, fy=focal, cx=(width - 1) / 2, cy=(height - 1) / 2)
 
+    def matrix(self) -> NDArray[np.float64]:
+        """K, from points in the camera frame to homogeneous pixels. Shape (3, 3)."""
+        return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
+
     def to_json(self) -> dict[str, Any]:
         """The camera as JSON values."""
         return asdict(self)

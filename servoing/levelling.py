@@ -11,11 +11,10 @@ import math
 from dataclasses import replace
 from typing import Final
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from handsight.servoing.camera import Intrinsics
+from handsight.servoing.camera_turn import CameraTurn
 from handsight.servoing.view import View
 
 LEAST_TILT_RAD: Final = math.radians(0.2)
@@ -36,9 +35,8 @@ _BOTH_WAYS_M = 0.005
 def levelled(view: View) -> View:
     """The view, turned about the camera's centre until the table is parallel to the picture.
 
-    A turn about the centre needs no depth: pixels move by K R K^-1 (Hartley & Zisserman, section 8.4.2). What comes
-    from outside has the colour of the edge and no depth. A view in which no table is found, or that is level already,
-    is returned as it is.
+    What comes from outside has the colour of the edge and no depth. A view in which no table is found, or that is
+    level already, is returned as it is.
     """
     normal = table_normal(view)
     if normal is None:
@@ -93,22 +91,6 @@ def _upright(normal: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _turned(view: View, rotation_turned_camera: NDArray[np.float64]) -> View:
     """The view of the camera turned about its centre; the rotation takes directions to its axes. Shape (3, 3)."""
-    k = view.camera.intrinsics
-    matrix = _matrix(k)
-    homography, size = matrix @ rotation_turned_camera @ np.linalg.inv(matrix), (k.width, k.height)
-    x = (np.arange(k.width) - k.cx) / k.fx  # (W,)
-    y = (np.arange(k.height) - k.cy) / k.fy  # (H,)
-    to_x, to_y, to_z = rotation_turned_camera[2]
-    # Distance along the turned axis of what is at distance 1 along the axis as it was.
-    factor = to_x * x + (to_y * y + to_z)[:, None]  # (H, W)
-    rgb = cv2.warpPerspective(view.rgb, homography, size, flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    # Depth is never mixed across an edge, where there is nothing between an object and the table.
-    depth_m = cv2.warpPerspective(
-        np.where(view.valid, view.depth_m * factor, 0).astype(np.float32), homography, size, flags=cv2.INTER_NEAREST
-    )
-    return replace(view, rgb=np.asarray(rgb, dtype=np.uint8), depth_m=np.asarray(depth_m, dtype=np.float32))
-
-
-def _matrix(k: Intrinsics) -> NDArray[np.float64]:
-    """K. Shape (3, 3)."""
-    return np.array([[k.fx, 0.0, k.cx], [0.0, k.fy, k.cy], [0.0, 0.0, 1.0]])
+    turn = CameraTurn(view.camera.intrinsics, rotation_turned_camera)
+    depth_m = np.where(view.valid, view.depth_m, 0).astype(np.float32)
+    return replace(view, rgb=turn.colours(view.rgb), depth_m=turn.depths(depth_m))

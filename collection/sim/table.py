@@ -78,12 +78,9 @@ class TableTop:
 
 def table_homography(intrinsics: Intrinsics, pose_base_camera: NDArray[np.float64]) -> NDArray[np.float64]:
     """From homogeneous points (x, y, 1) [m] of the table, in the base frame, to homogeneous pixels. Shape (3, 3)."""
-    camera_matrix = np.array(
-        [[intrinsics.fx, 0, intrinsics.cx], [0, intrinsics.fy, intrinsics.cy], [0, 0, 1]], dtype=np.float64
-    )
     pose_camera_base = np.linalg.inv(pose_base_camera)
     # On z = 0 the third column of the rotation drops out (Hartley & Zisserman, section 8.1).
-    homography: NDArray[np.float64] = camera_matrix @ pose_camera_base[:3, [0, 1, 3]]
+    homography: NDArray[np.float64] = intrinsics.matrix() @ pose_camera_base[:3, [0, 1, 3]]
     return homography
 
 

@@ -56,9 +56,7 @@ def board_pose(rgb: NDArray[np.uint8], intrinsics: Intrinsics, config: BoardConf
     if ids is None or len(ids) < LEAST_CORNERS:
         return None
     points, pixels = board.matchImagePoints(corners, ids)
-    k = intrinsics
-    matrix = np.array([[k.fx, 0.0, k.cx], [0.0, k.fy, k.cy], [0.0, 0.0, 1.0]])
-    found, rotation, translation = cv2.solvePnP(points, pixels, matrix, np.zeros(5))
+    found, rotation, translation = cv2.solvePnP(points, pixels, intrinsics.matrix(), np.zeros(5))
     if not found:
         return None
     pose = np.eye(4)
