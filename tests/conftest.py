@@ -13,6 +13,10 @@ from hypothesis import settings
 ROOT = Path(__file__).resolve().parents[1]
 IN_CI = os.environ.get("CI", "").lower() in ("1", "true")
 
+# A thread of torch's for each process of tests: pools as large as the machine in each of them wait for each other. Set
+# before anything loads torch; programs that tests start inherit it.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
 NO_URSIM = "HANDSIGHT_URSIM is not set: the address of UR's own simulator, a judge that comes with no package"
 """The one reason for which CI skips too, and prints: nothing that it could install would change it; see
 ``tests/support/ursim.py``."""

@@ -12,10 +12,10 @@ import pytest
 from tests.support.fuzz import Workbench
 from tests.support.fuzz_parsers import PARSERS
 
-INPUTS = 200
+INPUTS = 100
 FEWER = {
-    **{"options": 100, "stored": 30, "refs": 100, "columns": 60, "attributes": 40, "cache": 80, "zarr": 80},
-    **{"hdf5": 50, "hdf5-set": 80, "lerobot": 80, "lerobot-set": 80},
+    **{"options": 50, "stored": 20, "refs": 50, "columns": 30, "attributes": 20, "cache": 40, "zarr": 40},
+    **{"environment": 50, "pictures": 50, "hdf5": 20, "hdf5-set": 40, "lerobot": 40, "lerobot-set": 40},
 }
 """Of those that run whole commands on a dataset; each of them takes a tenth of a second and more."""
 

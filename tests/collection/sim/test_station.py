@@ -34,6 +34,12 @@ def station() -> Iterator[SimStation]:
     opened.close()
 
 
+@pytest.fixture(scope="module")
+def forty(station: SimStation) -> list[GraspAttempt]:
+    """Attempts enough to hold some and to touch many."""
+    return [attempt(station, number) for number in range(20, 60)]
+
+
 class Fixed:
     """A policy that always chooses the same pose."""
 
@@ -78,9 +84,8 @@ def test_scene_and_grasp_are_drawn_from_separate_streams(station: SimStation) ->
     assert content(uniform.overhead) == content(fixed.overhead)
 
 
-def test_labels_agree_with_simulator_truth(station: SimStation) -> None:
-    attempts = [attempt(station, number) for number in range(20, 60)]
-    labelled = [one for one in attempts if one.labelled]
+def test_labels_agree_with_simulator_truth(forty: list[GraspAttempt]) -> None:
+    labelled = [one for one in forty if one.labelled]
     assert len(labelled) >= 38
     held = [one.outcome is Outcome.HELD for one in labelled]
     assert any(held)
@@ -88,9 +93,9 @@ def test_labels_agree_with_simulator_truth(station: SimStation) -> None:
     assert sum(one.truth_held == label for one, label in zip(labelled, held, strict=True)) >= len(labelled) - 1
 
 
-def test_contact_is_no_more_than_a_robot_bears(station: SimStation) -> None:
+def test_contact_is_no_more_than_a_robot_bears(forty: list[GraspAttempt]) -> None:
     """Without the slide and the slow end of the descent most contacts are of more than 100 N."""
-    forces_n = [attempt(station, number).contact_force_n for number in range(20, 60)]
+    forces_n = [one.contact_force_n for one in forty]
     touched = [force_n for force_n in forces_n if force_n > 0]
     assert len(touched) >= 10
     assert all(SimConfig().contact_force_n <= force_n <= 60 for force_n in touched)

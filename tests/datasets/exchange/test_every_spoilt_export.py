@@ -17,7 +17,7 @@ from handsight.datasets.exchange import hdf5
 from handsight.datasets.exchange.formats import format_named
 from handsight.datasets.reading.selection import Selection
 
-INPUTS = 200
+INPUTS = 80
 MOST_BYTES = 5 * 10**8
 
 

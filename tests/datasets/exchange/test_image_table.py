@@ -302,7 +302,7 @@ def test_poses_far_away_are_imported_for_the_doctor_to_judge(lines: Lines, tmp_p
 def test_mutated_folders_are_imported_or_refused(lines: Lines, tmp_path: Path) -> None:
     """Whatever becomes of the files: all attempts, or an error of the datasets room on one line."""
     refusals = []
-    for seed in range(200):
+    for seed in range(80):
         folder = tmp_path / "mutated"
         shutil.copytree(tmp_path / "photos", folder)
         done = mutate_image_table(folder, np.random.default_rng(seed))
@@ -313,6 +313,6 @@ def test_mutated_folders_are_imported_or_refused(lines: Lines, tmp_path: Path) -
         except Exception as error:
             raise AssertionError(f"mutation {seed}: {done}") from error
         shutil.rmtree(folder)
-    assert len(refusals) > 100
+    assert len(refusals) > 40
     assert [one for one in refusals if len(one) > 5000 or not one.isprintable()] == []
     assert [path.name for path in tmp_path.iterdir()] == ["photos"]

@@ -75,7 +75,7 @@ def test_a_bad_name_is_refused(ulid: Any) -> None:
 @pytest.mark.parametrize("schema", [1, 2])
 def test_no_mutation_ends_in_another_error(schema: int) -> None:
     refused = 0
-    for seed in range(300):
+    for seed in range(100):
         changed = mutate_json(attributes(), np.random.default_rng(seed))
         try:
             checked_source(ULID, current_attributes(changed, schema), size=1)
@@ -83,7 +83,7 @@ def test_no_mutation_ends_in_another_error(schema: int) -> None:
             refused += 1
         except Exception as error:
             raise AssertionError(f"mutation {seed}: {changed}") from error
-    assert refused > 100
+    assert refused > 33
 
 
 @pytest.mark.parametrize("values", [[], None, 3, {}, {"header": []}, {"header": {"station": None}}])

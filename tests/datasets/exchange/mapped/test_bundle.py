@@ -166,7 +166,7 @@ def _attempt_import(source: Path, folder: Path, map_path: Path | None) -> None:
 def test_a_damaged_lerobot_folder_is_refused_or_read(tmp_path: Path) -> None:
     unpack_lerobot(tmp_path / "whole")
     map_path = write_map(tmp_path / "map.toml", LEROBOT_MAP)
-    for seed in range(200):
+    for seed in range(60):
         source = shutil.copytree(tmp_path / "whole", tmp_path / "set")
         done = damage_folder(source, np.random.default_rng(seed))
         try:
@@ -179,7 +179,7 @@ def test_a_damaged_lerobot_folder_is_refused_or_read(tmp_path: Path) -> None:
 
 def test_a_damaged_map_is_refused_or_read(tmp_path: Path) -> None:
     unpack_lerobot(tmp_path / "set")
-    for seed in range(200):
+    for seed in range(80):
         damaged_map(LEROBOT_MAP, np.random.default_rng(seed), tmp_path / "map.toml")
         try:
             _attempt_import(tmp_path / "set", tmp_path, tmp_path / "map.toml")
@@ -191,7 +191,7 @@ def test_a_damaged_map_is_refused_or_read(tmp_path: Path) -> None:
 def test_a_damaged_hdf5_file_is_refused_or_read(tmp_path: Path) -> None:
     whole = write_hdf5(tmp_path / "whole.hdf5").read_bytes()
     map_path = write_map(tmp_path / "map.toml", HDF5_MAP)
-    for seed in range(200):
+    for seed in range(80):
         (tmp_path / "demos.hdf5").write_bytes(mutate_bytes(whole, np.random.default_rng(seed)))
         try:
             _attempt_import(tmp_path / "demos.hdf5", tmp_path, map_path)
