@@ -25,6 +25,7 @@ from handsight.cli.options import (
     EngineName,
     Gripper,
     Json,
+    Level,
     Objects,
     PerScene,
     RayAddress,
@@ -129,6 +130,7 @@ def collect_sim(
         float | None,
         typer.Option(help=f"Predicted success at which the servo policy grasps; {DEFAULT_THRESHOLD} unless given."),
     ] = None,
+    level: Level = False,
     shakes: Annotated[int, typer.Option(min=0, max=100, help="Shakes after the lift; section III-B has three.")] = 0,
     pregrasp_picture: PregraspPicture = False,
     renderer: Renderer = "tiny",
@@ -143,7 +145,9 @@ def collect_sim(
     """
     check_engine(engine, ray_address)
     check_target(dataset)
-    chosen = policy_named(policy, model=model, method=method, random_share=random_share, threshold=threshold)
+    chosen = policy_named(
+        policy, model=model, method=method, random_share=random_share, threshold=threshold, level=level
+    )
     from handsight.collection.collector import CollectSettings
 
     settings = CollectSettings(
@@ -176,6 +180,7 @@ def collect_ur10(
         float | None,
         typer.Option(help=f"Predicted success at which the servo policy grasps; {RIG_THRESHOLD} unless given."),
     ] = None,
+    level: Level = False,
     pregrasp_picture: PregraspPicture = False,
     resume: Resume = False,
     as_json: Json = False,
@@ -189,7 +194,9 @@ def collect_ur10(
     check_target(dataset)
     if policy == "servo" and threshold is None:
         threshold = RIG_THRESHOLD
-    chosen = policy_named(policy, model=model, method=method, random_share=random_share, threshold=threshold)
+    chosen = policy_named(
+        policy, model=model, method=method, random_share=random_share, threshold=threshold, level=level
+    )
     from handsight.collection.collector import CollectSettings
 
     settings = CollectSettings(

@@ -54,7 +54,13 @@ class RunNetwork:
 
 
 def policy_named(
-    name: str, *, model: Path | None, method: str | None, random_share: float | None, threshold: float | None
+    name: str,
+    *,
+    model: Path | None,
+    method: str | None,
+    random_share: float | None,
+    threshold: float | None,
+    level: bool = False,
 ) -> PregraspPolicy:
     """The policy that the options describe, its network checked before any process is started.
 
@@ -66,6 +72,7 @@ def policy_named(
     """
     if name != "servo":
         given = {"--model": model, "--method": method, "--random-share": random_share, "--threshold": threshold}
+        given |= {"--level": level or None}
         extra = [option for option, value in given.items() if value is not None]
         if extra:
             raise CommandError(f"{', '.join(extra)} goes with --policy servo, and the policy is {name}")
@@ -80,11 +87,12 @@ def policy_named(
     from handsight.servoing.methods.registry import servo_method
 
     servoing = servo_method(DEFAULT_METHOD if method is None else method)
+    usual = ServoSettings()
     return ServoPolicy(
         open_network=_network(model),
         method=servoing,
         random_share=DEFAULT_RANDOM_SHARE if random_share is None else random_share,
-        servo=ServoSettings() if threshold is None else ServoSettings(threshold=threshold),
+        servo=ServoSettings(threshold=usual.threshold if threshold is None else threshold, level=level),
     )
 
 

@@ -146,6 +146,7 @@ def mistakes(out: Path) -> dict[str, tuple[list[str], str]]:
         "randomization": (["collect", "sim", new, "--vary", "colours"], "vary is 'colours', expected some of: table"),
         "servo without a network": (["collect", "sim", new, "--policy", "servo"], "--model RUN"),
         "a network for chance": (["collect", "sim", new, "--model", model], "--model goes with --policy servo"),
+        "level views of none": (["collect", "sim", new, "--level"], "--level goes with --policy servo"),
         "a method that does not servo": (
             ["collect", "sim", new, "--policy", "servo", "--model", model, "--method", "random"],
             "does not servo",

@@ -213,6 +213,17 @@ def test_a_network_whose_scores_are_none_ends_the_session_without_a_grasp(tmp_pa
     assert len(predicted) < 6
 
 
+def test_a_session_keeps_that_views_were_levelled(run: Path) -> None:
+    levelled = policy_named("servo", model=run, method=None, random_share=0.0, threshold=None, level=True)
+    assert isinstance(levelled, ServoPolicy)
+    assert levelled.servo.level
+    again = recorded_policy(levelled.settings(), run)
+    assert again == levelled
+    plain = policy_named("servo", model=run, method=None, random_share=0.0, threshold=None)
+    assert plain != levelled
+    assert recorded_policy(plain.settings(), run) == plain
+
+
 def test_a_run_that_is_replaced_while_it_is_used_is_noticed(tmp_path: Path, run: Path) -> None:
     copy = shutil.copytree(run, tmp_path / "run")
     opened = policy_named("servo", model=copy, method=None, random_share=0.0, threshold=None)
