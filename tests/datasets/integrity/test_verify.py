@@ -96,7 +96,11 @@ def test_every_flipped_bit_in_pictures_and_columns_is_found(repository: GraspRep
 
 
 def test_flipped_bits_in_what_the_engine_keeps_are_found_or_change_nothing(recorded: GraspRepository) -> None:
-    """Manifests hold small chunks and where the others are; the engine has no checksum for them."""
+    """Manifests hold small chunks and where the others are; the engine has no checksum for them.
+
+    Clock times are in no digest, as those of an attempt that is performed again differ: of them nothing is promised.
+    """
+    clock = ["started", "elapsed_s"]
     before = opened(recorded)
     rng = np.random.default_rng(1)
     manifests = sorted((recorded.folder / "manifests").iterdir())
@@ -109,7 +113,7 @@ def test_flipped_bits_in_what_the_engine_keeps_are_found_or_change_nothing(recor
         try:
             dataset = opened(recorded)
             if verify(dataset, jobs=1).ok:
-                assert dataset.attempts.equals(before.attempts)
+                assert dataset.attempts.drop(columns=clock).equals(before.attempts.drop(columns=clock))
         except DatasetError:
             pass
         manifest.write_bytes(whole)
