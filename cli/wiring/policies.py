@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from handsight.cli.errors import CommandError
-from handsight.cli.options import DEFAULT_METHOD
+from handsight.cli.options import DEFAULT_METHOD, DEFAULT_THRESHOLD
 from handsight.training.run_folder import check_finished_run
 
 if TYPE_CHECKING:
@@ -71,8 +71,13 @@ def policy_named(
         CollectionSettingsError: The random share is no share.
     """
     if name != "servo":
-        given = {"--model": model, "--method": method, "--random-share": random_share, "--threshold": threshold}
-        given |= {"--level": level or None}
+        given = {
+            "--model": model,
+            "--method": method,
+            "--random-share": random_share,
+            "--threshold": threshold,
+            "--level": level or None,
+        }
         extra = [option for option, value in given.items() if value is not None]
         if extra:
             raise CommandError(f"{', '.join(extra)} goes with --policy servo, and the policy is {name}")
@@ -87,12 +92,11 @@ def policy_named(
     from handsight.servoing.methods.registry import servo_method
 
     servoing = servo_method(DEFAULT_METHOD if method is None else method)
-    usual = ServoSettings()
     return ServoPolicy(
         open_network=_network(model),
         method=servoing,
         random_share=DEFAULT_RANDOM_SHARE if random_share is None else random_share,
-        servo=ServoSettings(threshold=usual.threshold if threshold is None else threshold, level=level),
+        servo=ServoSettings(threshold=DEFAULT_THRESHOLD if threshold is None else threshold, level=level),
     )
 
 

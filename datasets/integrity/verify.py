@@ -3,7 +3,8 @@
 Every chunk carries a crc32c, so most damage shows when it is decoded. What is decoded is then hashed again and
 compared with the digest recorded with the attempt, which also finds pictures that were swapped, rows that were moved
 and anything that was changed with its checksum. Ids and clocks, which the digest leaves out, are covered by the
-checksum alone.
+checksum alone. A chunk that the engine has lost has none and reads as the fill value: where no digest would tell,
+chunks are counted.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ import zarr
 
 from handsight.datasets.address import Location
 from handsight.datasets.curation.folds import FOLDS
-from handsight.datasets.errors import StorageError
+from handsight.datasets.errors import CorruptDataError, StorageError
 from handsight.datasets.format.arrays import READ_FAILURES, array_at, damage_or_trouble, group_at, read_all
 from handsight.datasets.format.decisions import CURATION, read_overlay
 from handsight.datasets.format.saved_filters import FILTERS_GROUP
@@ -28,6 +29,7 @@ from handsight.datasets.integrity.attempt_checks import AttemptChecker, AttemptR
 from handsight.datasets.machine import machine_blamed
 from handsight.datasets.reading.reader import GraspDataset
 from handsight.datasets.store.agreement import lost_refs
+from handsight.datasets.store.inspection import VersionFiles
 from handsight.datasets.store.readers import being_read, refuse_removed
 from handsight.datasets.store.repository import GraspRepository
 from handsight.jobs.processes import process_pool
@@ -94,7 +96,7 @@ def _verified(dataset: GraspDataset, jobs: int, on_checked: Callable[[int], None
         checked=total.attempts,
         bytes=total.bytes,
         faults=total.faults,
-        damage=tuple(damage_beside(dataset.root)),
+        damage=(*damage_beside(dataset.root), *_lost_chunks(dataset)),
         lost_refs=tuple(one.fault for one in lost_refs(dataset.repository)),
     )
 
@@ -170,6 +172,23 @@ def damage_beside(root: zarr.Group) -> Iterator[str]:
         if isinstance(found, StorageError):
             raise found from error
         yield str(found)
+
+
+def _lost_chunks(dataset: GraspDataset) -> Iterator[str]:
+    """Manifests that name too few chunks of what no digest covers.
+
+    Raises:
+        StorageError: The machine cannot read.
+    """
+    try:
+        yield from map(str, VersionFiles(dataset.repository, dataset.snapshot_id).damage(_no_digest_covers))
+    except CorruptDataError as error:
+        yield str(error)
+
+
+def _no_digest_covers(path: str) -> bool:
+    """Whether an array lies beside the attempts, or holds their clocks; a row's number is compared with its place."""
+    return not path.startswith(f"/{SESSIONS}/") or path.endswith("/attempts/started_elapsed_ns")
 
 
 def _session_faults(group: zarr.Group) -> list[str]:

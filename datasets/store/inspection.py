@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import asyncio
 import json
-from collections.abc import Callable, Hashable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import icechunk
 from zarr.abc.store import Store
@@ -29,6 +29,9 @@ _FROM_A_COPY = "put it back from a copy of the dataset"
 _SHOWN = 3
 _ARRAYS_AT_A_TIME = 32
 """Each has a file open."""
+
+Extents = tuple[tuple[int, int], ...]
+"""The first chunk of a manifest and the one after its last, along every axis of an array."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,6 +73,8 @@ class _Snapshot:
     """Where it was committed; None where that was not noted."""
     nodes: dict[str, tuple[str, str, tuple[str, ...]]]
     """Id, kind and manifests of every group and array, by path."""
+    extents: dict[str, tuple[Extents, ...]]
+    """Where the manifests of every array have its chunks, by path."""
     chunk_counts: dict[str, int]
     """How many chunks each manifest names, by its id."""
 
@@ -98,7 +103,7 @@ class VersionFiles:
     def __init__(self, repository: GraspRepository, snapshot_id: str) -> None:
         self._inspector = _Inspector(repository, _nothing)
         self._snapshot = self._inspector.snapshot(snapshot_id)
-        self._store = repository.root(snapshot_id).store
+        self._store = self._inspector.store(snapshot_id)
 
     def under(self, folder: str) -> Hashable:
         """Versions in which this is equal hold the same bytes under that folder."""
@@ -107,6 +112,16 @@ class VersionFiles:
         with self._inspector.reading(folder):
             described = _descriptions(self._store, paths)
         return tuple((path, nodes[path], description) for path, description in zip(paths, described, strict=True))
+
+    def damage(self, asked: Callable[[str], bool]) -> list[FileDamage]:
+        """Manifests that cannot be read or name other chunks than the snapshot says, for the arrays asked for by path.
+
+        Raises:
+            StorageError: The machine cannot read them.
+        """
+        nodes = {path: one for path, one in self._snapshot.nodes.items() if asked(path)}
+        self._inspector.check_manifests(replace(self._snapshot, nodes=nodes), self._store)
+        return self._inspector.damage()
 
 
 class _Inspector:
@@ -128,17 +143,20 @@ class _Inspector:
         tips = dict(self._tips())
         for name, tip in tips.items():
             self._walk(name, tip)
-        lost = self._lost_refs(tips)
-        damage = [
-            FileDamage(file=file, fault=fault, needed_by=self._names_of(file, of), remedy=_FROM_A_COPY)
-            for file, (of, fault) in self._found.items()
-        ]
+        lost = tuple(self._lost_refs(tips))
         return Inspection(
-            damage=tuple(damage),
-            lost_refs=tuple(lost),
+            damage=tuple(self.damage()),
+            lost_refs=lost,
             tips={name: tip for name, tip in tips.items() if not is_internal(name)},
             snapshots=sum(one is not None for one in self._read.values()),
         )
+
+    def damage(self) -> list[FileDamage]:
+        """What has been found so far."""
+        return [
+            FileDamage(file=file, fault=fault, needed_by=self._names_of(file, of), remedy=_FROM_A_COPY)
+            for file, (of, fault) in self._found.items()
+        ]
 
     def _names_of(self, file: str, snapshot_id: str) -> tuple[str, ...]:
         """Branches and releases that need a file which was found damaged for a snapshot."""
@@ -171,6 +189,13 @@ class _Inspector:
                 parent=said.get("parent_id"),
                 branch=said["metadata"].get("branch"),
                 nodes=nodes,
+                extents={
+                    node["path"]: tuple(
+                        tuple((int(first), int(end)) for first, end in one["extents"])
+                        for one in node.get("manifest_refs", ())
+                    )
+                    for node in said["nodes"]
+                },
                 chunk_counts={one["id"]: one["num_chunk_refs"] for one in said["manifests"]},
             )
 
@@ -247,17 +272,21 @@ class _Inspector:
             self._note(f"snapshots/{snapshot_id}", snapshot_id, str(error))
             return None
         try:
+            store = self.store(snapshot_id)
             with self.reading("snapshot"):
-                store = self._engine.readonly_session(snapshot_id=snapshot_id).store
                 beside = sorted(path for path in found.nodes if not path.startswith(f"/{SESSIONS}/"))
                 self._described[snapshot_id] = dict(zip(beside, _descriptions(store, beside), strict=True))
         except CorruptDataError as error:
             self._note(f"snapshots/{snapshot_id}", snapshot_id, str(error))
             return found
-        self._check_manifests(found, store)
+        self.check_manifests(found, store)
         return found
 
-    def _check_manifests(self, snapshot: _Snapshot, store: icechunk.IcechunkStore) -> None:
+    def store(self, snapshot_id: str) -> icechunk.IcechunkStore:
+        with self.reading("snapshot"):
+            return self._engine.readonly_session(snapshot_id=snapshot_id).store
+
+    def check_manifests(self, snapshot: _Snapshot, store: icechunk.IcechunkStore) -> None:
         """Count what the manifests of a snapshot name that have not been read for another."""
         unread = {
             path: manifests
@@ -267,7 +296,8 @@ class _Inspector:
         paths = list(unread)
         counted_chunks: list[int | BaseException] = []
         for start in range(0, len(paths), _ARRAYS_AT_A_TIME):
-            counted_chunks += sync(_chunk_counts(store.session, paths[start : start + _ARRAYS_AT_A_TIME]))
+            extents = {path: snapshot.extents[path] for path in paths[start : start + _ARRAYS_AT_A_TIME]}
+            counted_chunks += sync(_chunk_counts(store.session, extents))
         for path, named in zip(paths, counted_chunks, strict=True):
             self._manifests.update(unread[path])
             self._check_manifest(snapshot, path, unread[path], named)
@@ -285,7 +315,7 @@ class _Inspector:
             return
         expected = sum(snapshot.chunk_counts.get(one, 0) for one in manifests)
         if named != expected:
-            what = f"of {path.lstrip('/')} names {counted(named, 'chunk')}, and the snapshot says {expected}"
+            what = f"of {path.lstrip('/')} names {counted(named, 'chunk')} of it, and the snapshot says {expected}"
             self._note(files, snapshot.id, what)
 
     def _check_commit(self, parent: _Snapshot, child: _Snapshot) -> None:
@@ -350,13 +380,23 @@ class _Reading:
         raise CorruptDataError(f"cannot be read ({headline(error)})") from error
 
 
-async def _chunk_counts(session: icechunk.Session, paths: Sequence[str]) -> list[int | BaseException]:
-    """How many chunks the manifests of arrays name, or what is raised for one."""
+async def _chunk_counts(
+    session: icechunk.Session, extents: Mapping[str, tuple[Extents, ...]]
+) -> list[int | BaseException]:
+    """How many chunks the manifests of arrays name where the snapshot has them, or what is raised for one.
+
+    One that a flipped bit has moved elsewhere is not found by whoever reads the array.
+    """
 
     async def count(path: str) -> int:
-        return len([one async for one in session.chunk_coordinates(path)])
+        found = [one async for one in session.chunk_coordinates(path)]
+        return sum(any(_within(one, extent) for extent in extents[path]) for one in found)
 
-    return await asyncio.gather(*map(count, paths), return_exceptions=True)
+    return await asyncio.gather(*map(count, extents), return_exceptions=True)
+
+
+def _within(chunk: Sequence[int], extent: Extents) -> bool:
+    return all(first <= at < end for at, (first, end) in zip(chunk, extent, strict=True))
 
 
 def _descriptions(store: Store, paths: Sequence[str]) -> list[bytes | None]:
