@@ -29,9 +29,9 @@ from handsight.datasets.integrity.attempt_checks import AttemptChecker, AttemptR
 from handsight.datasets.machine import machine_blamed
 from handsight.datasets.reading.reader import GraspDataset
 from handsight.datasets.store.agreement import lost_refs
-from handsight.datasets.store.inspection import VersionFiles
 from handsight.datasets.store.readers import being_read, refuse_removed
 from handsight.datasets.store.repository import GraspRepository
+from handsight.datasets.store.version_files import VersionFiles
 from handsight.jobs.processes import process_pool
 
 _RANGE = 64

@@ -17,8 +17,10 @@ from handsight.datasets.format.schema import SESSIONS
 from handsight.datasets.integrity.verify import check_sessions, damage_beside
 from handsight.datasets.machine import machine_blamed
 from handsight.datasets.reading.reader import GraspDataset
-from handsight.datasets.store.inspection import FileDamage, VersionFiles, inspect
+from handsight.datasets.store.file_damage import FileDamage
+from handsight.datasets.store.inspection import inspect
 from handsight.datasets.store.repository import GraspRepository
+from handsight.datasets.store.version_files import VersionFiles
 
 _REMEDY = "put it back from a copy of the dataset, or let repair replace its attempts"
 _CHECKSUM_BYTES = 4
