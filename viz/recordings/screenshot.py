@@ -24,6 +24,8 @@ MEMORY_LIMIT = "1GB"
 PICTURE_LIMIT_S = 90.0
 POLL_S = 0.1
 BETWEEN_SHOTS_S = 0.6
+DRAWN_BETWEEN_SHOTS = 2.0
+"""How many pictures the viewer could draw meanwhile, at the least."""
 SAME_PICTURE_LEVELS = 0.02
 """Pictures whose grey levels differ less than this on average are the same."""
 THUMBNAIL = (480, 270)
@@ -50,7 +52,7 @@ def save_screenshots(recording: Path, shots: Mapping[int, Path], *, timeline: st
         _open(viewer, recording)
         for step, path in shots.items():
             _show(viewer, timeline, step)
-            path.write_bytes(_steady_picture(viewer))
+            path.write_bytes(steady_picture(viewer))
         state = patiently(viewer.get_state, time.monotonic() + PICTURE_LIMIT_S, "say what it drew")
         reports = [f"{view.name}: {view.reports}" for view in state.views if view.reports]
     if reports:
@@ -73,9 +75,9 @@ def save_address_picture(address: str, path: Path) -> None:
         while patiently(viewer.get_state, time.monotonic() + PICTURE_LIMIT_S, "load what it shows").loading:
             time.sleep(POLL_S)
         # Cards ask for their pictures only once they are drawn.
-        _steady_picture(viewer)
+        steady_picture(viewer)
         time.sleep(BETWEEN_SHOTS_S)
-        path.write_bytes(_steady_picture(viewer))
+        path.write_bytes(steady_picture(viewer))
 
 
 @contextmanager
@@ -104,16 +106,24 @@ def _show(viewer: ViewerClient, timeline: str, step: int) -> None:
     patiently(ask, time.monotonic() + PICTURE_LIMIT_S, f"go to step {step}")
 
 
-def _steady_picture(viewer: ViewerClient) -> bytes:
+def steady_picture(viewer: ViewerClient) -> bytes:
+    """The PNG that a viewer shows once it shows the same as before.
+
+    Raises:
+        ScreenshotError: It never does.
+    """
     deadline = time.monotonic() + PICTURE_LIMIT_S
     before: NDArray[np.float32] | None = None
     while True:
+        asked_s = time.monotonic()
         png = patiently(viewer.take_screenshot, deadline, "show a picture at rest")
+        took_s = time.monotonic() - asked_s
         now = _thumbnail(png)
         if before is not None and float(np.abs(now - before).mean()) < SAME_PICTURE_LEVELS:
             return png
         before = now
-        time.sleep(BETWEEN_SHOTS_S)
+        # A viewer that is slow to draw, on a busy machine, is slow to load what it draws as well.
+        time.sleep(max(BETWEEN_SHOTS_S, DRAWN_BETWEEN_SHOTS * took_s))
 
 
 def patiently(ask: Callable[[], Answer], deadline: float, what: str) -> Answer:

@@ -8,8 +8,10 @@ import sys
 import time
 from pathlib import Path
 from subprocess import PIPE, Popen
+from types import SimpleNamespace
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -18,9 +20,10 @@ from tests.support.rrd import colours, read_picture
 from handsight.evaluation.trial import TrialRecording
 from handsight.viz.errors import NoVulkanError, ScreenshotError
 from handsight.viz.examples import HeatmapExample
+from handsight.viz.recordings import screenshot
 from handsight.viz.recordings.heatmap_layouts import HEAT_TIMELINE
 from handsight.viz.recordings.heatmaps import write_heatmaps
-from handsight.viz.recordings.screenshot import patiently, save_screenshots
+from handsight.viz.recordings.screenshot import patiently, save_screenshots, steady_picture
 
 
 def shoot(recording: Path, shots: dict[int, Path], timeline: str) -> list[NDArray[Any]]:
@@ -152,3 +155,28 @@ def test_the_limit_ends_in_an_error_of_this_room() -> None:
     with pytest.raises(ScreenshotError, match="did not show a picture within"):
         patiently(ask, time.monotonic() + 0.05, "show a picture")
     assert asked
+
+
+class BusyViewer:
+    """Draws for two seconds, and has the last of its pictures after five."""
+
+    def __init__(self) -> None:
+        self.now_s = 0.0
+
+    def monotonic(self) -> float:
+        return self.now_s
+
+    def sleep(self, duration_s: float) -> None:
+        self.now_s += duration_s
+
+    def take_screenshot(self) -> bytes:
+        whole = self.now_s >= 5.0
+        self.now_s += 2.0
+        return cv2.imencode(".png", np.full((270, 480), 200 if whole else 100, np.uint8))[1].tobytes()
+
+
+def test_a_busy_viewer_is_given_time_to_load(monkeypatch: pytest.MonkeyPatch) -> None:
+    viewer = BusyViewer()
+    monkeypatch.setattr(screenshot, "time", SimpleNamespace(monotonic=viewer.monotonic, sleep=viewer.sleep))
+    png = np.frombuffer(steady_picture(viewer), np.uint8)  # type: ignore[arg-type]
+    assert cv2.imdecode(png, cv2.IMREAD_GRAYSCALE)[0, 0] == 200
