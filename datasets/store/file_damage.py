@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-FROM_A_COPY = "put it back from a copy of the dataset"
+_FROM_A_COPY = "put it back from a copy of the dataset"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -16,7 +16,7 @@ class FileDamage:
     fault: str
     needed_by: tuple[str, ...] = ()
     """Branches and releases that have it in their history; empty where no version needs it, or none was asked."""
-    remedy: str = FROM_A_COPY
+    remedy: str = _FROM_A_COPY
 
     def __str__(self) -> str:
         needed = f" (needed by {', '.join(self.needed_by)})" if self.needed_by else ""

@@ -71,10 +71,9 @@ class _Inspector:
         tips = dict(self._tips())
         for name, tip in tips.items():
             self._walk(name, tip)
-        lost = tuple(self._lost_refs(tips))
         return Inspection(
             damage=tuple(replace(one, needed_by=self._names_of(file, of)) for file, (of, one) in self._found.items()),
-            lost_refs=lost,
+            lost_refs=tuple(self._lost_refs(tips)),
             tips={name: tip for name, tip in tips.items() if not is_internal(name)},
             snapshots=sum(one is not None for one in self._read.values()),
         )

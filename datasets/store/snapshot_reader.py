@@ -97,13 +97,18 @@ class SnapshotReader:
         with self.reading(f"snapshot {snapshot_id}"):
             return self._engine.readonly_session(snapshot_id=snapshot_id).store
 
-    def descriptions(self, store: Store, paths: Sequence[str], folder: str) -> dict[str, bytes | None]:
-        """The metadata of groups and arrays by path, which lie in a folder.
+    def descriptions(self, store: Store, paths: Sequence[str], what: str) -> dict[str, bytes | None]:
+        """The metadata of groups and arrays by path.
+
+        Args:
+            store: Their content.
+            paths: Where they lie.
+            what: What they are the metadata of, for the message of the machine's errors.
 
         Raises:
             CorruptDataError, StorageError: They cannot be read.
         """
-        with self.reading(folder):
+        with self.reading(what):
             found = sync(_contents(store, [f"{path.strip('/')}/zarr.json".lstrip("/") for path in paths]))
         return dict(zip(paths, found, strict=True))
 

@@ -24,8 +24,10 @@ MEMORY_LIMIT = "1GB"
 PICTURE_LIMIT_S = 90.0
 POLL_S = 0.1
 BETWEEN_SHOTS_S = 0.6
+MOST_BETWEEN_SHOTS_S = 5.0
+"""Far below the limit, which a viewer that is asked several times for a picture comes near to."""
 DRAWN_BETWEEN_SHOTS = 2.0
-"""How many pictures the viewer could draw meanwhile, at the least."""
+"""How many pictures a viewer could draw meanwhile, unless it is slower than that."""
 SAME_PICTURE_LEVELS = 0.02
 """Pictures whose grey levels differ less than this on average are the same."""
 THUMBNAIL = (480, 270)
@@ -52,7 +54,7 @@ def save_screenshots(recording: Path, shots: Mapping[int, Path], *, timeline: st
         _open(viewer, recording)
         for step, path in shots.items():
             _show(viewer, timeline, step)
-            path.write_bytes(steady_picture(viewer))
+            path.write_bytes(steady_picture(viewer.take_screenshot))
         state = patiently(viewer.get_state, time.monotonic() + PICTURE_LIMIT_S, "say what it drew")
         reports = [f"{view.name}: {view.reports}" for view in state.views if view.reports]
     if reports:
@@ -75,9 +77,9 @@ def save_address_picture(address: str, path: Path) -> None:
         while patiently(viewer.get_state, time.monotonic() + PICTURE_LIMIT_S, "load what it shows").loading:
             time.sleep(POLL_S)
         # Cards ask for their pictures only once they are drawn.
-        steady_picture(viewer)
+        steady_picture(viewer.take_screenshot)
         time.sleep(BETWEEN_SHOTS_S)
-        path.write_bytes(steady_picture(viewer))
+        path.write_bytes(steady_picture(viewer.take_screenshot))
 
 
 @contextmanager
@@ -106,8 +108,8 @@ def _show(viewer: ViewerClient, timeline: str, step: int) -> None:
     patiently(ask, time.monotonic() + PICTURE_LIMIT_S, f"go to step {step}")
 
 
-def steady_picture(viewer: ViewerClient) -> bytes:
-    """The PNG that a viewer shows once it shows the same as before.
+def steady_picture(take: Callable[[], bytes]) -> bytes:
+    """The PNG that a viewer shows once it shows the same as before; ``take`` asks it for what it shows.
 
     Raises:
         ScreenshotError: It never does.
@@ -116,14 +118,14 @@ def steady_picture(viewer: ViewerClient) -> bytes:
     before: NDArray[np.float32] | None = None
     while True:
         asked_s = time.monotonic()
-        png = patiently(viewer.take_screenshot, deadline, "show a picture at rest")
+        png = patiently(take, deadline, "show a picture at rest")
         took_s = time.monotonic() - asked_s
         now = _thumbnail(png)
         if before is not None and float(np.abs(now - before).mean()) < SAME_PICTURE_LEVELS:
             return png
         before = now
         # A viewer that is slow to draw, on a busy machine, is slow to load what it draws as well.
-        time.sleep(max(BETWEEN_SHOTS_S, DRAWN_BETWEEN_SHOTS * took_s))
+        time.sleep(min(max(BETWEEN_SHOTS_S, DRAWN_BETWEEN_SHOTS * took_s), MOST_BETWEEN_SHOTS_S))
 
 
 def patiently(ask: Callable[[], Answer], deadline: float, what: str) -> Answer:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import sys
 from collections.abc import Callable
@@ -18,6 +17,7 @@ from tests.support.versions import opened
 from handsight.datasets import Curator, DatasetError, GraspRepository, Outcome, Selection, verify
 from handsight.datasets.curation.scores import save_scores
 from handsight.datasets.format.arrays import array_at, group_at
+from handsight.datasets.store.snapshot_reader import SnapshotReader
 
 FLIPS = int(os.environ.get("HANDSIGHT_FLIPS", "60"))
 HEADER = make_header(width=32, height=24)
@@ -122,8 +122,8 @@ def test_chunks_that_no_digest_covers_are_missed_when_the_engine_loses_them(reco
     """They read as the fill value, which of a clock says that it is not known, and of a score that there is none."""
     dataset = opened(recorded)
     save_scores(recorded, "guess", pd.Series(0.5, index=dataset.attempts.index), source="a test", author="jo")
-    said = json.loads(recorded.icechunk_repository.inspect_snapshot(recorded.resolve("main")))
-    manifests = {node["path"]: [one["id"] for one in node.get("manifest_refs", ())] for node in said["nodes"]}
+    nodes = SnapshotReader(recorded).snapshot(recorded.resolve("main")).nodes
+    manifests = {path: [one.id for one in node.manifests] for path, node in nodes.items()}
     clocks = [path for path in manifests if path.endswith("/attempts/started_elapsed_ns")]
     beside = [path for path, held in manifests.items() if held and not path.startswith("/sessions/")]
     assert len(clocks) == 2

@@ -13,6 +13,7 @@ from zarr.core.sync import sync
 from handsight.datasets import DatasetError, GraspRepository
 from handsight.datasets.format.arrays import array_at, read_all
 from handsight.datasets.store.file_damage import FileDamage
+from handsight.datasets.store.snapshot_reader import SnapshotReader
 from handsight.datasets.store.version_files import VersionFiles
 
 PATH = "/beside"
@@ -29,8 +30,8 @@ def manifest(repository: GraspRepository) -> Path:
     )
     array[0] = 5
     repository.commit(transaction, branch="main", message="one chunk")
-    (node,) = (ref.id for ref in _files(repository)._snapshot.nodes[PATH].manifests)
-    return repository.folder / "manifests" / node
+    (written,) = SnapshotReader(repository).snapshot(repository.resolve("main")).nodes[PATH].manifests
+    return repository.folder / "manifests" / written.id
 
 
 def test_whole_manifests_are_not_damaged(repository: GraspRepository, manifest: Path) -> None:
@@ -69,8 +70,4 @@ async def _count(session: icechunk.Session) -> int:
 
 
 def _damage(repository: GraspRepository) -> list[FileDamage]:
-    return _files(repository).damage(lambda path: path == PATH)
-
-
-def _files(repository: GraspRepository) -> VersionFiles:
-    return VersionFiles(repository, repository.resolve("main"))
+    return VersionFiles(repository, repository.resolve("main")).damage(lambda path: path == PATH)

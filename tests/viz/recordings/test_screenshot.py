@@ -178,7 +178,7 @@ class BusyViewer:
 def test_a_busy_viewer_is_given_time_to_load(monkeypatch: pytest.MonkeyPatch) -> None:
     viewer = BusyViewer()
     monkeypatch.setattr(screenshot, "time", SimpleNamespace(monotonic=viewer.monotonic, sleep=viewer.sleep))
-    png = np.frombuffer(steady_picture(viewer), np.uint8)  # type: ignore[arg-type]
+    png = np.frombuffer(steady_picture(viewer.take_screenshot), np.uint8)
     picture = cv2.imdecode(png, cv2.IMREAD_GRAYSCALE)
     assert picture is not None
     assert picture[0, 0] == 200
