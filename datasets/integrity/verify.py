@@ -34,6 +34,8 @@ from handsight.datasets.store.repository import GraspRepository
 from handsight.datasets.store.version_files import VersionFiles
 from handsight.jobs.processes import process_pool
 
+_IN_NO_DIGEST = {column.name for column in COLUMNS if not column.digested} - {"number", "catalogue_index", "digest"}
+"""A number is compared with the row's place, names of objects are in the digest, and that is compared as it is."""
 _RANGE = 64
 """Attempts checked at a time, about 0.6 s of work; it divides the chunks of columns."""
 
@@ -187,8 +189,8 @@ def _lost_chunks(dataset: GraspDataset) -> Iterator[str]:
 
 
 def _no_digest_covers(path: str) -> bool:
-    """Whether an array lies beside the attempts, or holds their clocks; a row's number is compared with its place."""
-    return not path.startswith(f"/{SESSIONS}/") or path.endswith("/attempts/started_elapsed_ns")
+    """Whether an array lies beside the attempts, or holds of them what nothing else is compared with: their clocks."""
+    return not path.startswith(f"/{SESSIONS}/") or path.rpartition("/attempts/")[2] in _IN_NO_DIGEST
 
 
 def _session_faults(group: zarr.Group) -> list[str]:
