@@ -26,6 +26,7 @@ def test_good_input_is_accepted(name: str, tmp_path: Path, monkeypatch: pytest.M
     Workbench(name, tmp_path).accept()
 
 
+@pytest.mark.no_cover
 @pytest.mark.parametrize("name", PARSERS)
 def test_spoilt_input_is_read_or_refused(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("HANDSIGHT_CACHE", str(tmp_path / "cache"))

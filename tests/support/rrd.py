@@ -75,7 +75,9 @@ def read_picture(path: Path) -> NDArray[Any]:
 
 def colours(picture: NDArray[Any]) -> int:
     """How many different colours a picture has."""
-    return len(np.unique(picture.reshape(-1, picture.shape[-1]), axis=0))
+    # One number for each pixel: rows take many times as long to sort.
+    shifts = np.arange(0, 8 * picture.shape[-1], 8, dtype=np.uint32)
+    return len(np.unique((picture.astype(np.uint32) << shifts).sum(axis=-1, dtype=np.uint32)))
 
 
 def verify(path: Path) -> subprocess.CompletedProcess[str]:

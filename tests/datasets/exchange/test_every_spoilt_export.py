@@ -21,6 +21,7 @@ INPUTS = 80
 MOST_BYTES = 5 * 10**8
 
 
+@pytest.mark.no_cover
 @pytest.mark.parametrize("name", SPOILERS)
 @pytest.mark.filterwarnings("ignore::zarr.errors.ZarrUserWarning")
 def test_a_spoilt_export_ends_in_attempts_or_an_error(

@@ -121,6 +121,7 @@ def test_a_bad_lerobot_folder_is_refused_and_leaves_nothing(dataset: GraspDatase
     assert sorted(path.name for path in tmp_path.iterdir()) == ["grasps", "out"]
 
 
+@pytest.mark.no_cover
 def test_a_damaged_export_is_refused_or_whole(repository: GraspRepository, tmp_path: Path) -> None:
     """Whatever is damaged, nothing but an error of ours comes out, in one line, or the content that was recorded."""
     header = make_header()

@@ -30,6 +30,7 @@ def found(repository: GraspRepository) -> AllReport:
     return verify_all(repository.folder)
 
 
+@pytest.mark.no_cover
 def test_damage_to_any_file_is_found_or_changes_nothing(tmp_path: Path) -> None:
     """``make damage`` does as many as are wanted."""
     bench = Bench(tmp_path)

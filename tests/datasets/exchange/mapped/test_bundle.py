@@ -163,6 +163,7 @@ def _attempt_import(source: Path, folder: Path, map_path: Path | None) -> None:
     assert "\n" not in said
 
 
+@pytest.mark.no_cover
 def test_a_damaged_lerobot_folder_is_refused_or_read(tmp_path: Path) -> None:
     unpack_lerobot(tmp_path / "whole")
     map_path = write_map(tmp_path / "map.toml", LEROBOT_MAP)
@@ -177,6 +178,7 @@ def test_a_damaged_lerobot_folder_is_refused_or_read(tmp_path: Path) -> None:
         shutil.rmtree(source)
 
 
+@pytest.mark.no_cover
 def test_a_damaged_map_is_refused_or_read(tmp_path: Path) -> None:
     unpack_lerobot(tmp_path / "set")
     for seed in range(80):
@@ -188,6 +190,7 @@ def test_a_damaged_map_is_refused_or_read(tmp_path: Path) -> None:
             raise
 
 
+@pytest.mark.no_cover
 def test_a_damaged_hdf5_file_is_refused_or_read(tmp_path: Path) -> None:
     whole = write_hdf5(tmp_path / "whole.hdf5").read_bytes()
     map_path = write_map(tmp_path / "map.toml", HDF5_MAP)

@@ -82,6 +82,7 @@ def test_looks_that_make_no_sense_are_left_out_on_request() -> None:
     assert text.splitlines()[-1] == "f 1 2 3"
 
 
+@pytest.mark.no_cover
 def test_text_without_end_is_refused_before_memory_is() -> None:
     with pytest.raises(MeshFault, match="is vertex 500001, expected at most 500000"):
         read_obj(b"v 0 0 0\n" * 500_001, plain=False)
