@@ -61,6 +61,7 @@ def _facts(results: dict[str, Any]) -> Facts:
             ("gripper", results["gripper"]),
             ("threshold", f"S > {results['threshold']:g}"),
             ("disturbance", said(results.get("disturbance"))),
+            ("views levelled", said(results.get("level"))),
         )
     )
 
