@@ -5,17 +5,20 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+import cv2
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor
-from torch.nn import functional
 
 from handsight.servoing.camera import HandCamera
-from handsight.servoing.view import View
+from handsight.servoing.view import View, mean_depth_m
 
 _LARGEST_SHORT = 16
 """Largest cells over which bytes add up to 16 bits."""
+_LEAST_WEIGHT = np.float32(1e-6)
+"""Less than one measured pixel under the filter weighs; what has none at all stays at the plane."""
+_ONE_TWO_ONE = np.array([0.25, 0.5, 0.25])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,28 +39,28 @@ class PreparedView:
     @classmethod
     def from_view(cls, view: View, *, pixels_per_cell: int) -> PreparedView:
         """Filter and decimate by an integer factor; 1 keeps the picture as it is."""
-        plane_m, factor = view.plane_m, pixels_per_cell
-        valid = view.valid
-        whole = bool(valid.all())
+        factor = pixels_per_cell
+        measured_m = view.measured_m
+        plane_m = mean_depth_m(measured_m)
+        whole = cv2.countNonZero(measured_m) == measured_m.size
         # Colours are added up as the integers that they are, and the plane is taken off cells, not off pixels: the
         # pictures are read once and never copied as floats.
-        colours = _cell_sums(view.rgb, factor, np.uint16 if factor <= _LARGEST_SHORT else np.uint32)  # (3, H', W')
-        depths_m = _cell_sums(view.depth_m if whole else np.where(valid, view.depth_m, 0), factor, np.float32)
-        counts = np.full_like(depths_m, factor**2) if whole else _cell_sums(valid, factor, np.float32)
-        channels = torch.empty(4 if whole else 5, *depths_m.shape)
-        parts = channels.numpy()
-        np.divide(colours, np.float32(255), out=parts[:3])
-        np.subtract(depths_m, np.float32(plane_m) * counts, out=parts[3])
+        counted = np.uint16 if factor <= _LARGEST_SHORT else np.uint32
+        colours = _cell_sums(view.rgb, factor, counted)  # (3, H', W')
+        depths_m = _cell_sums(measured_m, factor, np.float32)
+        counts = factor**2 if whole else _cell_sums((measured_m > 0).view(np.uint8), factor, counted)
+        parts = np.empty((4 if whole else 5, *depths_m.shape), np.float32)
+        np.divide(colours, np.float32(255 * factor**2), out=parts[:3])
+        np.subtract(depths_m, np.multiply(counts, plane_m, dtype=np.float32), out=parts[3])
         if not whole:
             parts[4] = counts
-        channels /= factor**2
+        parts[3:] /= np.float32(factor**2)
         if factor > 1:
-            channels = _smoothed(channels)
+            _smooth(parts)
         if not whole:
             # Normalised convolution: invalid pixels take part with weight zero and are filled from their neighbours.
-            depth_m, weight = channels[3], channels[4]
-            channels[3] = torch.where(weight > 0, depth_m / weight.clamp_min(1e-6), 0.0)
-            channels = channels[:4]
+            parts[3] /= np.maximum(parts[4], _LEAST_WEIGHT)
+        channels = torch.from_numpy(parts[:4])
         return cls(channels=channels, pixels_per_cell=factor, plane_m=plane_m, camera=view.camera)
 
 
@@ -89,8 +92,7 @@ def _sums_along_columns(planes: NDArray[Any], factor: int) -> NDArray[Any]:
     return sums
 
 
-def _smoothed(stack: Tensor) -> Tensor:
-    """[1 2 1] along both axes, edges replicated: after the mean over cells enough not to alias. (C, H, W)."""
-    padded = functional.pad(stack[None], (1, 1, 1, 1), mode="replicate")[0]
-    rows = 0.25 * padded[:, :-2] + 0.5 * padded[:, 1:-1] + 0.25 * padded[:, 2:]
-    return 0.25 * rows[:, :, :-2] + 0.5 * rows[:, :, 1:-1] + 0.25 * rows[:, :, 2:]
+def _smooth(planes: NDArray[np.float32]) -> None:
+    """[1 2 1] along both axes, edges replicated: after the mean over cells enough not to alias. (C, H, W), in place."""
+    for plane in planes:
+        cv2.sepFilter2D(plane, -1, _ONE_TWO_ONE, _ONE_TWO_ONE, dst=plane, borderType=cv2.BORDER_REPLICATE)

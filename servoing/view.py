@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -39,13 +40,31 @@ class View:
         return np.isfinite(self.depth_m) & (self.depth_m > 0)
 
     @property
+    def measured_m(self) -> NDArray[np.float32]:
+        """Depth where it was measured, 0 elsewhere [m]. Shape (H, W)."""
+        depth_m = np.ascontiguousarray(self.depth_m, np.float32)
+        return np.asarray(cv2.copyTo(depth_m, self.valid.view(np.uint8)), np.float32)
+
+    @property
     def plane_m(self) -> float:
         """Distance of the plane on which everything is assumed to lie: the mean valid depth (section III-A) [m].
 
         Raises:
             ImageError: No pixel has a valid depth.
         """
-        valid = self.valid
-        if not valid.any():
-            raise ImageError("no pixel of the depth picture is valid, expected at least one; check the camera")
-        return float(np.mean(self.depth_m, where=valid, dtype=np.float64))
+        return mean_depth_m(self.measured_m)
+
+
+def mean_depth_m(measured_m: NDArray[np.float32]) -> float:
+    """Mean of the depths that are not 0 [m].
+
+    Args:
+        measured_m: Depth, 0 where it was not measured [m]. Shape (H, W).
+
+    Raises:
+        ImageError: All are 0.
+    """
+    count = cv2.countNonZero(measured_m)
+    if count == 0:
+        raise ImageError("no pixel of the depth picture is valid, expected at least one; check the camera")
+    return cv2.sumElems(measured_m)[0] / count  # Added up in float64.
