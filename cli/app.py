@@ -77,7 +77,9 @@ NOUNS = (
         (
             "handsight clearance --model runs/rgbd",
             "handsight clearance --model runs/rgbd --methods random,cem-1 --objects clutter-test --tables 50",
+            "handsight clearance --model runs/rgbd --tables 200 --out tables.jsonl",
         ),
+        kept="no table is kept but those in --out, with which the same call goes on",
     ),
     LazyCommand(
         "prediction",

@@ -8,7 +8,7 @@ row bring nothing. A grasp that is aborted counts as a trial does, in no rate, b
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 
@@ -22,6 +22,7 @@ from handsight.datasets.errors import below_least, counted
 from handsight.evaluation.errors import EvaluationSettingsError
 from handsight.evaluation.evaluate import TrialContext, TrialContextFactory
 from handsight.evaluation.trial import Trial, servo_and_grasp
+from handsight.jobs.engine import LOCAL, Engine
 from handsight.jobs.ordered import map_ordered
 from handsight.servoing.loop import ServoSettings
 from handsight.servoing.methods.registry import RANDOM, check_methods
@@ -146,6 +147,8 @@ def clear_tables(
     factory: TrialContextFactory,
     settings: ClearanceSettings,
     *,
+    known: Sequence[ClearedTable] = (),
+    engine: Engine = LOCAL,
     on_table: Callable[[ClearedTable], None] | None = None,
 ) -> list[ClearedTable]:
     """Every table with every method; the results do not depend on the number of workers.
@@ -153,20 +156,26 @@ def clear_tables(
     Args:
         factory: Opens a station and a network in each worker.
         settings: What to compare.
-        on_table: Called with each table, in the order of their numbers and methods.
+        known: Tables of an earlier call with the same settings, which are not cleared again.
+        engine: Where the workers run.
+        on_table: Called with each new table, in the order of their numbers and methods.
+
+    Returns:
+        All tables, the known ones that were asked for among them, in that order.
 
     Raises:
         EvaluationSettingsError: The station cannot go on in the same scene.
         WorkerDiedError: A worker process died.
     """
-    tasks = [(number, method) for number in range(settings.tables) for method in settings.methods]
-    done = []
+    wanted = [(number, method) for number in range(settings.tables) for method in settings.methods]
+    done = {(table.number, table.method): table for table in known}
+    missing = [task for task in wanted if task not in done]
     work = partial(_of_context, settings=settings)
-    for table in map_ordered(factory, work, tasks, workers=settings.workers, noun="table"):
-        done.append(table)
+    for table in map_ordered(factory, work, missing, workers=settings.workers, engine=engine, noun="table"):
+        done[table.number, table.method] = table
         if on_table is not None:
             on_table(table)
-    return done
+    return [done[task] for task in wanted]
 
 
 def _of_context(context: TrialContext, task: tuple[int, str], *, settings: ClearanceSettings) -> ClearedTable:

@@ -1,61 +1,71 @@
 """A file in which an evaluation writes each trial as it ends, so that an interrupted one goes on where it was.
 
-The first line says what is evaluated, every other one is a trial, as JSON. Trials of other settings or other weights
-would be compared as if they were the same, so that a journal refuses them. An aborted trial stays aborted: to perform
-it again would be to choose results.
+The first line says what is evaluated, every other one is a trial, as JSON; or a table that was cleared, or whatever
+else a :class:`JournalKind` says. Trials of other settings or other weights would be compared as if they were the same,
+so that a journal refuses them. An aborted trial stays aborted: to perform it again would be to choose results.
 """
 
 from __future__ import annotations
 
 import fcntl
 import json
-import math
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import asdict, fields
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Generic, TypeVar
 
 from handsight.evaluation.errors import JournalError
-from handsight.evaluation.trial import Trial
 
-FORMAT: Final = "handsight_evaluation"
 VERSION: Final = 1
-_TYPES: Final[dict[str, tuple[type, ...]]] = {
-    "int": (int,),
-    "bool": (bool,),
-    "str": (str,),
-    "float": (int, float, type(None)),
-    "float | None": (int, float, type(None)),
-    "bool | None": (bool, type(None)),
-    "tuple[tuple[float, ...], ...]": (list,),
-}
+Record = TypeVar("Record")
 
 
-class Journal:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JournalKind(Generic[Record]):
+    """What the lines of a journal are."""
+
+    name: str
+    """What writes it, such as "evaluation"; with an article, "an evaluation"."""
+    with_article: str
+    noun: str
+    """What a line holds, such as "trial"."""
+    to_json: Callable[[Record], dict[str, Any]]
+    from_json: Callable[[dict[str, Any]], Record | None]
+    """The record that a line holds; None where it holds none."""
+
+    @property
+    def format(self) -> str:
+        """First word of the file."""
+        return f"handsight_{self.name}"
+
+
+class Journal(Generic[Record]):
     """An open journal, held by this process alone."""
 
-    def __init__(self, descriptor: int, known: dict[str, list[Trial]]) -> None:
+    def __init__(self, descriptor: int, kind: JournalKind[Record], known: dict[str, list[Record]]) -> None:
         self._descriptor = descriptor
+        self._kind = kind
         self._known = known
 
-    def known(self, objects: str) -> list[Trial]:
-        """The trials on an object set that it held when it was opened."""
+    def known(self, objects: str) -> list[Record]:
+        """The records of an object set that it held when it was opened."""
         return self._known.get(objects, [])
 
-    def append(self, objects: str, trial: Trial) -> None:
-        """Write one trial; it survives whatever happens to this process afterwards."""
-        _write(self._descriptor, {"objects": objects, **trial_to_json(trial)})
+    def append(self, objects: str, record: Record) -> None:
+        """Write one record; it survives whatever happens to this process afterwards."""
+        _write(self._descriptor, {"objects": objects, **self._kind.to_json(record)})
 
 
 @contextmanager
-def open_journal(path: Path, settings: Mapping[str, Any]) -> Iterator[Journal]:
+def open_journal(path: Path, kind: JournalKind[Record], settings: Mapping[str, Any]) -> Iterator[Journal[Record]]:
     """Begin a journal, or go on with the one that is there.
 
     Args:
         path: The file; its folder exists.
-        settings: Everything that decides the trials, as JSON values; how many there are is not among them.
+        kind: What its lines are.
+        settings: Everything that decides the records, as JSON values; how many there are is not among them.
 
     Raises:
         JournalError: Something else is there, its settings are others, lines are damaged, or another process writes it.
@@ -66,48 +76,55 @@ def open_journal(path: Path, settings: Mapping[str, Any]) -> Iterator[Journal]:
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
-            raise JournalError(f"another evaluation is writing {path}: wait for it, or choose another file") from error
-        yield Journal(descriptor, _take_up(path, descriptor, json.loads(json.dumps(settings))))
+            raise JournalError(f"another {kind.name} is writing {path}: wait for it, or choose another file") from error
+        yield Journal(descriptor, kind, _take_up(path, descriptor, kind, json.loads(json.dumps(settings))))
     finally:
         os.close(descriptor)
 
 
-def trial_to_json(trial: Trial) -> dict[str, Any]:
-    """A trial as JSON values; what is not a number becomes null."""
-    return {
-        name: None if isinstance(value, float) and math.isnan(value) else value for name, value in asdict(trial).items()
-    }
+@contextmanager
+def perhaps_journal(
+    path: Path | None, kind: JournalKind[Record], settings: Mapping[str, Any]
+) -> Iterator[Journal[Record] | None]:
+    """As :func:`open_journal`; None where none is kept."""
+    if path is None:
+        yield None
+        return
+    with open_journal(path, kind, settings) as journal:
+        yield journal
 
 
-def _take_up(path: Path, descriptor: int, settings: dict[str, Any]) -> dict[str, list[Trial]]:
+def _take_up(
+    path: Path, descriptor: int, kind: JournalKind[Record], settings: dict[str, Any]
+) -> dict[str, list[Record]]:
     """Read the journal, cut off the line that an interruption left without its end, or write the first line."""
     content = path.read_bytes()
     whole = content[: content.rfind(b"\n") + 1]
-    begun = f'{{"{FORMAT}"'.encode()
+    begun = f'{{"{kind.format}"'.encode()
     if not whole and (content.startswith(begun) or begun.startswith(content)):
         os.ftruncate(descriptor, 0)
-        _write(descriptor, {FORMAT: VERSION, "settings": settings})
+        _write(descriptor, {kind.format: VERSION, "settings": settings})
         return {}
     first, *others = whole.decode(errors="replace").splitlines() or [""]
-    _check_settings(path, first, settings)
-    known = _trials(path, others)
+    _check_settings(path, first, kind, settings)
+    known = _records(path, others, kind)
     os.ftruncate(descriptor, len(whole))
     return known
 
 
-def _check_settings(path: Path, first: str, settings: dict[str, Any]) -> None:
+def _check_settings(path: Path, first: str, kind: JournalKind[Record], settings: dict[str, Any]) -> None:
     header = _json(first)
     recorded = header.get("settings") if header is not None else None
-    if header is None or FORMAT not in header or not isinstance(recorded, dict):
-        raise JournalError(f"{path} is no journal of an evaluation: choose another file")
-    if header[FORMAT] != VERSION:
-        raise JournalError(f"{path} has version {header[FORMAT]!r}, expected {VERSION}: choose another file")
+    if header is None or kind.format not in header or not isinstance(recorded, dict):
+        raise JournalError(f"{path} is no journal of {kind.with_article}: choose another file")
+    if header[kind.format] != VERSION:
+        raise JournalError(f"{path} has version {header[kind.format]!r}, expected {VERSION}: choose another file")
     # Also what it had and we do not: what is usual goes without saying.
     names = dict.fromkeys([*settings, *recorded])
     faults = [fault for name in names for fault in _differences(name, settings.get(name), recorded.get(name))]
     if faults:
         raise JournalError(
-            f"{path} holds trials of another evaluation: {'; '.join(faults)}: give the same options, or choose "
+            f"{path} holds {kind.noun}s of another {kind.name}: {'; '.join(faults)}: give the same options, or choose "
             "another file"
         )
 
@@ -129,40 +146,21 @@ def _shown(value: Any) -> str:
     return text if len(text) <= 40 else f"{text[:12]}…"
 
 
-def _trials(path: Path, lines: list[str]) -> dict[str, list[Trial]]:
-    known: dict[str, list[Trial]] = {}
+def _records(path: Path, lines: list[str], kind: JournalKind[Record]) -> dict[str, list[Record]]:
+    known: dict[str, list[Record]] = {}
     damaged = []
     for number, line in enumerate(lines, start=2):
-        record = _json(line)
-        objects = record.pop("objects", None) if record is not None else None
-        trial = _trial_from_json(record) if record is not None and isinstance(objects, str) else None
-        if trial is None:
+        values = _json(line)
+        objects = values.pop("objects", None) if values is not None else None
+        record = kind.from_json(values) if values is not None and isinstance(objects, str) else None
+        if record is None:
             damaged.append(str(number))
         else:
-            known.setdefault(str(objects), []).append(trial)
+            known.setdefault(str(objects), []).append(record)
     if damaged:
         shown = ", ".join(damaged[:5]) + (", …" if len(damaged) > 5 else "")
-        raise JournalError(f"{path} is damaged in line {shown}, expected a trial in each: choose another file")
+        raise JournalError(f"{path} is damaged in line {shown}, expected a {kind.noun} in each: choose another file")
     return known
-
-
-def _trial_from_json(record: dict[str, Any]) -> Trial | None:
-    """The trial that a line holds; None where it holds none."""
-    kinds = {field.name: str(field.type) for field in fields(Trial)}
-    record = {"touched_by": "", "pushed_m": None, "steps": [], **record}  # Older journals have none.
-    if record.keys() != kinds.keys() or any(type(record[name]) not in _TYPES[kinds[name]] for name in kinds):
-        return None
-    steps = _steps_from_json(record["steps"])
-    if steps is None:
-        return None
-    missing = {name: math.nan for name, kind in kinds.items() if kind == "float" and record[name] is None}
-    return Trial(**{**record, **missing, "steps": steps})
-
-
-def _steps_from_json(values: list[Any]) -> tuple[tuple[float, ...], ...] | None:
-    if not all(isinstance(step, list) and all(type(value) in (int, float) for value in step) for step in values):
-        return None
-    return tuple(tuple(map(float, step)) for step in values)
 
 
 def _json(line: str) -> dict[str, Any] | None:

@@ -10,26 +10,63 @@ from handsight.cli.output import console, progress_bar
 from handsight.cli.tables import Column, print_table
 from handsight.cli.wiring.evaluation_tables import interval
 from handsight.cli.wiring.stations import sim_station
-from handsight.evaluation.clearance import ClearanceSettings, clear_tables
+from handsight.evaluation.clearance import ClearanceSettings, ClearedTable, clear_tables
 from handsight.evaluation.clearance_rows import clearance_comparisons, clearance_rows, why_nothing_was_cleared
 from handsight.evaluation.evaluate import TrialContextFactory
+from handsight.evaluation.journal import perhaps_journal
+from handsight.evaluation.journal_lines import TABLES
+from handsight.jobs.engine import LOCAL, Engine
 from handsight.servoing.methods.registry import METHODS
 from handsight.training.run import load_run
 
 
 def clear_with_model(
-    model: Path, objects: str, settings: ClearanceSettings, *, gripper: str, per_scene: int | None
+    model: Path,
+    objects: str,
+    settings: ClearanceSettings,
+    *,
+    gripper: str,
+    per_scene: int | None,
+    out: Path | None = None,
+    engine: Engine = LOCAL,
 ) -> dict[str, Any]:
     """Clear the tables behind a progress bar; returns what ``clearance --json`` prints.
 
+    Args:
+        model: Folder of the run.
+        objects: Name of the object set.
+        settings: What to compare.
+        gripper: Name of the gripper.
+        per_scene: Objects of a table; as many as the set is usually dropped in, where None.
+        out: Journal to begin or to go on with.
+        engine: Where the workers run.
+
     Raises:
         ObjectSetError: A set that cannot be used.
+        JournalError: The journal is one of another clearance, or none.
     """
     station = sim_station(objects, gripper=gripper, per_scene=per_scene)
     run = load_run(model)
     factory = TrialContextFactory(open_station=station, run=model, weights_sha256=run.weights_sha256)
-    with progress_bar("tables", settings.tables * len(settings.methods)) as bar:
-        tables = clear_tables(factory, settings, on_table=lambda _: bar.advance())
+    decides = {
+        "weights_sha256": run.weights_sha256,
+        "seed": settings.seed,
+        "failures": settings.failures,
+        **settings.servo.to_json(),
+        "methods": {name: METHODS[name].to_json() for name in settings.methods},
+        "objects": {objects: station.settings()},
+    }
+    each = len(settings.methods)
+    with perhaps_journal(out, TABLES, decides) as journal, progress_bar("tables", settings.tables * each) as bar:
+        known = [] if journal is None else journal.known(objects)
+        bar.reached(sum(table.number < settings.tables for table in known))
+
+        def on_table(table: ClearedTable) -> None:
+            if journal is not None:
+                journal.append(objects, table)
+            bar.advance()
+
+        tables = clear_tables(factory, settings, known=known, engine=engine, on_table=on_table)
     return {
         "rows": clearance_rows(tables, settings.methods),
         "comparisons": clearance_comparisons(tables, settings.methods),
@@ -41,6 +78,7 @@ def clear_with_model(
         "gripper": gripper,
         "seed": settings.seed,
         "threshold": settings.servo.threshold,
+        "level": settings.servo.level,
         "failures": settings.failures,
         "methods": [METHODS[name].to_json() for name in settings.methods],
         "tables": [asdict(table) for table in tables],

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -18,7 +17,8 @@ from handsight.collection.sim.station import SimStationFactory
 from handsight.collection.ur10.station_factory import Ur10StationFactory
 from handsight.evaluation.disturbance import Disturbance, DisturbedFactory
 from handsight.evaluation.evaluate import EvaluationSettings, TrialContextFactory, evaluate
-from handsight.evaluation.journal import Journal, open_journal, trial_to_json
+from handsight.evaluation.journal import Journal, perhaps_journal
+from handsight.evaluation.journal_lines import TRIALS, trial_to_json
 from handsight.evaluation.one_look import loop_report
 from handsight.evaluation.report import evaluation_report
 from handsight.evaluation.trial import Trial
@@ -106,7 +106,7 @@ def evaluate_model(
         for name, station in stations.items()
     }
     servoing = tuple(name for name in settings.methods if METHODS[name].settings is not None)
-    with _perhaps_journal(out, decides) as journal:
+    with perhaps_journal(out, TRIALS, decides) as journal:
         trials = _run_trials(factories, settings, journal, engine)
         opened: dict[str, Sequence[Trial]] = {}
         if disturbance is not None and servoing:
@@ -134,17 +134,11 @@ def evaluate_model(
     }
 
 
-@contextmanager
-def _perhaps_journal(out: Path | None, decides: dict[str, Any]) -> Iterator[Journal | None]:
-    if out is None:
-        yield None
-        return
-    with open_journal(out, decides) as journal:
-        yield journal
-
-
 def _run_trials(
-    factories: dict[str, TrialContextFactory], settings: EvaluationSettings, journal: Journal | None, engine: Engine
+    factories: dict[str, TrialContextFactory],
+    settings: EvaluationSettings,
+    journal: Journal[Trial] | None,
+    engine: Engine,
 ) -> dict[str, Sequence[Trial]]:
     """The trials of each object set, those that the journal holds taken from there."""
     each = settings.trials * len(settings.methods)

@@ -11,8 +11,11 @@ from typing import Any
 import pytest
 from tests.support.trials import make_trial
 
+from handsight.evaluation.clearance import ClearedTable
 from handsight.evaluation.errors import JournalError
 from handsight.evaluation.journal import open_journal
+from handsight.evaluation.journal_lines import TABLES
+from handsight.evaluation.journal_lines import TRIALS as KIND
 from handsight.evaluation.trial import Trial
 
 SETTINGS: dict[str, Any] = {
@@ -32,7 +35,7 @@ TRIALS = [
 def path(tmp_path: Path) -> Path:
     """A journal of three trials."""
     path = tmp_path / "trials.jsonl"
-    with open_journal(path, SETTINGS) as journal:
+    with open_journal(path, KIND, SETTINGS) as journal:
         assert journal.known("o") == []
         for trial in TRIALS:
             journal.append("o", trial)
@@ -40,7 +43,7 @@ def path(tmp_path: Path) -> Path:
 
 
 def known(path: Path, objects: str = "o", settings: dict[str, Any] = SETTINGS) -> list[Trial]:
-    with open_journal(path, settings) as journal:
+    with open_journal(path, KIND, settings) as journal:
         return journal.known(objects)
 
 
@@ -59,7 +62,7 @@ def test_lines_from_before_it_was_told_what_landed_are_read(path: Path) -> None:
 
 
 def test_what_is_not_a_number_comes_back_as_that(path: Path) -> None:
-    with open_journal(path, SETTINGS) as journal:
+    with open_journal(path, KIND, SETTINGS) as journal:
         journal.append("other", replace(TRIALS[1], compute_s=math.nan))
     (trial,) = known(path, "other")
     assert math.isnan(trial.compute_s)
@@ -70,7 +73,7 @@ def test_what_is_not_a_number_comes_back_as_that(path: Path) -> None:
 @pytest.mark.parametrize("cut", [1, 10, 100])
 def test_a_line_that_was_cut_off_is_done_again(path: Path, cut: int) -> None:
     path.write_bytes(path.read_bytes()[:-cut])
-    with open_journal(path, SETTINGS) as journal:
+    with open_journal(path, KIND, SETTINGS) as journal:
         assert journal.known("o") == TRIALS[:2]
         journal.append("o", TRIALS[2])
     assert known(path) == TRIALS
@@ -131,6 +134,51 @@ def test_a_later_version_is_refused(path: Path) -> None:
 
 
 def test_two_cannot_write_one_journal(path: Path) -> None:
-    with open_journal(path, SETTINGS), pytest.raises(JournalError, match="another evaluation is writing"):
+    with open_journal(path, KIND, SETTINGS), pytest.raises(JournalError, match="another evaluation is writing"):
         known(path)
     assert known(path) == TRIALS
+
+
+TABLE = ClearedTable(
+    number=4, method="cem-1", objects=5, cleared=3, attempts=6, successes=3, aborted=1, stopped="2 grasps in a row: é"
+)
+
+
+def test_tables_come_back_as_they_were_and_are_no_trials(path: Path, tmp_path: Path) -> None:
+    tables = tmp_path / "tables.jsonl"
+    with open_journal(tables, TABLES, SETTINGS) as journal:
+        journal.append("o", TABLE)
+        with pytest.raises(JournalError, match="another clearance is writing"), open_journal(tables, TABLES, SETTINGS):
+            pass
+    with open_journal(tables, TABLES, SETTINGS) as journal:
+        assert journal.known("o") == [TABLE]
+    with (
+        pytest.raises(JournalError, match="no journal of a clearance"),
+        open_journal(path, TABLES, SETTINGS),
+    ):
+        pass
+    with pytest.raises(JournalError, match="no journal of an evaluation"):
+        known(tables)
+    with (
+        pytest.raises(JournalError, match="holds tables of another clearance: seed is 4, and was 3"),
+        open_journal(tables, TABLES, {**SETTINGS, "seed": 4}),
+    ):
+        pass
+
+
+@pytest.mark.parametrize(
+    "change", [{"objects": "five"}, {"objects": None}, {"stopped": 1}, {"aborted": True}, {"more": 1}, None]
+)
+def test_a_line_that_is_no_table_is_damage(tmp_path: Path, change: dict[str, Any] | None) -> None:
+    path = tmp_path / "tables.jsonl"
+    with open_journal(path, TABLES, SETTINGS) as journal:
+        journal.append("o", TABLE)
+    first, second = path.read_text().splitlines()
+    line = json.loads(second)
+    line["table"] = {**line["table"], **change} if change is not None else [4]
+    path.write_text(f"{first}\n{json.dumps(line)}\n")
+    with (
+        pytest.raises(JournalError, match="damaged in line 2, expected a table in each"),
+        open_journal(path, TABLES, SETTINGS),
+    ):
+        pass

@@ -13,7 +13,7 @@ from tests.support.swept import OBJECTS
 from tests.support.trials import make_trial
 
 from handsight.datasets import GraspDataset, GraspRepository, Outcome
-from handsight.evaluation.journal import trial_to_json
+from handsight.evaluation.journal_lines import trial_to_json
 from handsight.evaluation.report import evaluation_report
 
 MARKUP = "<img src=x onerror=alert(1)>&\"'{{ 7 * 7 }}"
