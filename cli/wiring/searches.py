@@ -9,7 +9,7 @@ from typing import Any
 from handsight.cli.opening import open_version
 from handsight.cli.output import bold, console, progress_bar
 from handsight.cli.tables import Column, print_table
-from handsight.cli.wiring.sweeps import duration_text, opened
+from handsight.cli.wiring.sweeps import duration_text, opened, samples_text
 from handsight.datasets.errors import counted
 from handsight.jobs.engine import Engine
 from handsight.training.intervals import MeanOverTrials
@@ -127,7 +127,7 @@ def print_estimate(plan: SearchPlan, left: Estimate, workers: int) -> None:
     console.print(f"{sweep.channels[0]}, {learnt}, {counted(sweep.trials, 'trial')} for each proposal")
     console.print(f"looked for: {', '.join(SPACE)}")
     console.print(
-        f"{counted(left.cells, 'training')} left if no proposal is given up, {left.samples / 1e6:.1f} M samples "
+        f"{counted(left.cells, 'training')} left if no proposal is given up, {samples_text(left.samples)} "
         f"at {left.samples_per_s:,.0f}/s with a worker: about {duration_text(left.seconds)} on "
         f"{counted(workers, 'worker')}"
     )

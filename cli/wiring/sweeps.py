@@ -200,10 +200,15 @@ def print_estimate(plan: SweepPlan, left: Estimate, workers: int) -> None:
     console.print(f"{', '.join(plan.channels)}; training sets of {sizes}{varied}; {counted(plan.trials, 'trial')}")
     passes = f"{counted(round(left.passes), 'pass', 'passes')} a cell"
     console.print(
-        f"{counted(left.cells, 'cell')} left: {left.samples / 1e6:.1f} M samples in {passes}, "
+        f"{counted(left.cells, 'cell')} left: {samples_text(left.samples)} in {passes}, "
         f"{left.samples_per_s:,.0f}/s with a worker: about {duration_text(left.seconds)} on "
         f"{counted(workers, 'worker')}"
     )
+
+
+def samples_text(samples: float) -> str:
+    """How many samples will be learnt from, which is known roughly."""
+    return f"{samples / 1e6:.1f} M samples" if samples >= 1e5 else f"{samples:,.0f} samples"
 
 
 def duration_text(seconds: float) -> str:

@@ -19,7 +19,12 @@ def plan(tmp_path_factory: pytest.TempPathFactory) -> SweepPlan:
     return swept_plan(make_swept(tmp_path_factory.mktemp("estimate") / "grasps"))
 
 
+def of_epochs(plan: SweepPlan, epochs: int) -> SweepPlan:
+    return replace(plan, recipe=replace(plan.recipe, epochs=epochs))
+
+
 def test_every_channel_set_takes_its_own_time(plan: SweepPlan) -> None:
+    plan = of_epochs(plan, 40)
     speeds = {"rgb": 10.0, "depth": 40.0}
     cells = [cell for cell in plan.cells() if cell.size == 20]
     found = estimate(plan, cells, {}, workers=2, speeds=speeds)
@@ -30,6 +35,14 @@ def test_every_channel_set_takes_its_own_time(plan: SweepPlan) -> None:
     alone = estimate(plan, cells[:1], {}, workers=2, speeds=speeds)
     assert alone.seconds == pytest.approx(samples / speeds[cells[0].channels])
     assert estimate(plan, [], {}, workers=2, speeds=speeds).seconds == 0
+
+
+def test_no_cell_is_thought_to_take_more_passes_than_its_recipe_allows(plan: SweepPlan) -> None:
+    short = of_epochs(plan, 5)
+    cells = [cell for cell in short.cells() if cell.size == 20]
+    found = estimate(short, cells, {}, workers=1, speeds={"rgb": 10.0, "depth": 40.0})
+    assert found.passes == 5
+    assert found.samples == pytest.approx(len(cells) * 4 * 0.9 * 5 * 20)
 
 
 def test_speeds_are_measured_for_every_channel_set_with_all_workers(plan: SweepPlan) -> None:
@@ -48,7 +61,7 @@ def test_cells_that_are_done_tell_how_long_the_others_take(plan: SweepPlan, tmp_
         for cell, result in results.items()
     }
     left = [cell for cell in plan.cells() if cell not in done]
-    found = estimate(plan, left, done, workers=1, speeds=None)
+    found = estimate(of_epochs(plan, 40), left, done, workers=1, speeds=None)
     assert found.passes == 10
     # Two trials more of the four cells that took 2 + 2 + 1 + 1 s.
     assert found.seconds == pytest.approx(12)
