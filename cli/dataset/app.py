@@ -160,6 +160,16 @@ COMMANDS = (
             "handsight dataset similar grasps --groups --model runs/rgbd",
         ),
     ),
+    LazyCommand(
+        "repeat",
+        "dataset.repeat:repeat",
+        "Perform attempts again, a little beside.",
+        (
+            "handsight dataset repeat grasps",
+            "handsight dataset repeat grasps --shift-mm 0.5 --turn-deg 0 --where \"target == 'mug'\"",
+        ),
+        kept="the dataset is as it was; the same call begins anew",
+    ),
     # Check and repair.
     LazyCommand(
         "doctor",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,18 @@ from handsight.collection.sim.config import PHYSICS_VERSION, SimConfig, recorded
 from handsight.collection.sim.station import SimStation
 from handsight.datasets.format.header import canonical_json
 from handsight.datasets.records import GraspAttempt, SessionHeader
+
+
+def why_not_again(header: SessionHeader) -> str:
+    """Why the scenes of a session cannot be simulated again here, to be told of its attempts; empty where they can."""
+    if header.station.source != "sim" or header.seed is None:
+        return "not simulated"
+    settings = header.config.get("station")
+    if not isinstance(settings, Mapping):
+        return "by a simulator that is not described"
+    if recorded_physics(settings) != PHYSICS_VERSION:
+        return f"under version {recorded_physics(settings)} of the physics, this is {PHYSICS_VERSION}"
+    return ""
 
 
 class Resimulator:
@@ -28,11 +41,10 @@ class Resimulator:
     def __call__(self, header: SessionHeader, number: int) -> GraspAttempt | None:
         """Attempt ``number`` of a session; None for what cannot be performed here.
 
-        That is one that was not simulated, was under another version of the physics, or by a network not at hand.
+        That is one that was not simulated, or by a simulator that is not described, was under another version of the
+        physics, or by a network not at hand.
         """
-        if header.station.source != "sim" or header.seed is None:
-            return None
-        if recorded_physics(header.config["station"]) != PHYSICS_VERSION:
+        if why_not_again(header) or header.seed is None:
             return None
         policy = recorded_policy(header.config.get("policy", {}), self._model)
         if policy is None:
@@ -42,7 +54,7 @@ class Resimulator:
             policy,
             number,
             attempt_seed(header.seed, number),
-            pregrasp_picture=header.config["pregrasp_picture"],
+            pregrasp_picture=bool(header.config.get("pregrasp_picture", False)),
         )
 
     def close(self) -> None:

@@ -23,7 +23,8 @@ DRAWS = "collect picture|dataset ls|dataset show|dataset stats|dataset suspect|h
 ADDS = "ablate plot|collect sim|dataset export|dataset init|dataset materialize|dataset release|evaluate"
 UNTRIED = {
     **dict.fromkeys(READS.split("|"), "changes nothing"),
-    **dict.fromkeys(("ablate status", "dataset similar", "runs compare", "runs ls", "runs show"), "changes nothing"),
+    **dict.fromkeys(("dataset repeat", "dataset similar"), "changes nothing"),
+    **dict.fromkeys(("ablate status", "runs compare", "runs ls", "runs show"), "changes nothing"),
     **dict.fromkeys(
         (*DRAWS.split("|"), "view dataset", "view heatmap", "view trace"),
         "changes nothing but a picture or recording, which the same call makes again",
@@ -95,6 +96,7 @@ LONG = {
     "clearance",
     "crossval",
     "collect sim",
+    "dataset repeat",
     "dataset similar",
     "dataset suspect",
     "demo",
@@ -163,6 +165,7 @@ REFUSED = (
     "dataset score {data} --replace",
     "dataset score {data} fine",
     "dataset score {data} fine --delete",
+    "dataset repeat {nowhere}",
     "dataset similar {nowhere} 1 --model {nowhere}",
     "heatmap {data} --model {nowhere}",
     "report {nowhere}",

@@ -96,6 +96,7 @@ REFUSED = {
     "evaluate a folder": ("evaluate --model {grasps}", "holds no finished run"),
     "dataset score": ("dataset score {no} fine --model {no}", "there is no dataset"),
     "dataset score in no way": ("dataset score {grasps} fine", "expected one of --model"),
+    "dataset repeat": ("dataset repeat {no}", "there is no dataset"),
     "dataset similar": ("dataset similar {no} 1 --model {no}", "there is no dataset"),
     "view dataset": ("view dataset {no}", "there is no dataset"),
     "view dataset in two ways": ("view dataset {grasps} --web --picture x.png", "expected one of them"),
