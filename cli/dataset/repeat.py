@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from handsight.cli.opening import open_version
+from handsight.cli.opening import checked_address, open_version
 from handsight.cli.options import LARGEST_SEED, MOST_ATTEMPTS, Dataset, Json, Where, Workers
 from handsight.cli.output import print_json
 
@@ -33,6 +33,7 @@ def repeat(
     that are stored in the dataset tell less, there is more to learn. With both distances at 0 every attempt ends as it
     did. Nothing in the dataset changes.
     """
+    checked_address(dataset)
     from handsight.evaluation.repeatability import RepeatSettings
 
     settings = RepeatSettings(

@@ -208,7 +208,7 @@ def print_estimate(plan: SweepPlan, left: Estimate, workers: int) -> None:
 
 def samples_text(samples: float) -> str:
     """How many samples will be learnt from, which is known roughly."""
-    return f"{samples / 1e6:.1f} M samples" if samples >= 1e5 else f"{samples:,.0f} samples"
+    return f"{samples / 1e6:.1f} M samples" if samples >= 1e5 else counted(round(samples), "sample")
 
 
 def duration_text(seconds: float) -> str:

@@ -57,7 +57,7 @@ def test_nouns() -> None:
 
 def test_verbs() -> None:
     assert completed("handsight dataset ") == [command.name for command in COMMANDS]
-    assert completed("handsight dataset re") == ["release", "revert", "restore", "relabel", "repair"]
+    assert completed("handsight dataset re") == ["release", "revert", "restore", "relabel", "repeat", "repair"]
     assert completed("handsight collect ") == ["sim", "ur10", "picture"]
 
 
