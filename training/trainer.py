@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import math
+import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,6 +25,9 @@ from handsight.training.metrics import evaluate_scores
 from handsight.training.passes import CPU, Passes
 from handsight.training.prediction import predict
 from handsight.training.settings import TrainSettings
+
+_GLOBAL_GENERATOR = threading.Lock()
+"""Torch's global generator is one for all threads: a training that begins in another one would draw from our seed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,7 +76,7 @@ def train(
     # Which attempts are held out and how inputs are jittered follows from this generator, the order of the batches from
     # the loader's; torch draws the initial weights from its global one, which is afterwards as it was.
     generator = torch.Generator().manual_seed(settings.seed)
-    with torch.random.fork_rng(devices=()):
+    with _GLOBAL_GENERATOR, torch.random.fork_rng(devices=()):
         torch.manual_seed(settings.seed)
         network = GraspQualityNetwork(settings.network)
     held_out, trained_on = split_held_out(grasp_keys(data.attempts), used, settings.holdout, generator)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -14,8 +15,9 @@ from handsight.datasets.inputs.augmentation import AS_RECORDED, InputForm, Jitte
 from handsight.datasets.inputs.materialize import GraspInputs
 from handsight.datasets.inputs.mixture import mixed
 from handsight.servoing.errors import ScoreError
+from handsight.training import trainer
 from handsight.training.errors import DivergedError, TrainerSettingsError, TrainingDataError
-from handsight.training.gqn import GraspQualityNetwork
+from handsight.training.gqn import GqnConfig, GraspQualityNetwork
 from handsight.training.passes import mixed_up
 from handsight.training.precision import Precision
 from handsight.training.prediction import predict, predict_with_flips
@@ -45,6 +47,33 @@ def test_equal_seeds_give_equal_weights_and_leave_torch_alone() -> None:
     other = train(data, replace(quick, seed=2)).network.state_dict()
     assert all(torch.equal(first[name], second[name]) for name in first)
     assert not all(torch.equal(first[name], other[name]) for name in first)
+
+
+def test_a_training_that_begins_in_another_thread_changes_no_weights(monkeypatch: pytest.MonkeyPatch) -> None:
+    data, quick = drawn_inputs(80, seed=0), replace(SMALL, epochs=1)
+    expected = train(data, quick).network.state_dict()
+    found: list[dict[str, torch.Tensor]] = []
+    other = threading.Thread(target=lambda: found.append(train(data, quick).network.state_dict()))
+
+    second_begins, first_ends = threading.Event(), threading.Event()
+
+    def built(config: GqnConfig) -> GraspQualityNetwork:
+        if threading.current_thread() is other:
+            second_begins.set()
+            first_ends.wait(timeout=10)
+            return GraspQualityNetwork(config)
+        other.start()
+        second_begins.wait(timeout=1)  # Not in vain where it need not wait for its turn.
+        network = GraspQualityNetwork(config)
+        first_ends.set()
+        return network
+
+    monkeypatch.setattr(trainer, "GraspQualityNetwork", built)
+    found.append(train(data, quick).network.state_dict())
+    other.join()
+    assert len(found) == 2
+    for weights in found:
+        assert all(torch.equal(expected[name], weights[name]) for name in expected)
 
 
 def test_scores_with_flips_are_the_mean_over_the_flips_of_each_input() -> None:
