@@ -46,7 +46,7 @@ def test_where_they_were_all_end_as_they_did_and_far_beside_successes_do_not(
     assert {one["attempt"] for one in far["attempts"]} == {one["attempt"] for one in exact["attempts"]}
 
 
-def test_the_table_is_told_beside_stored_scores(
+def test_the_table_is_told_and_one_label_alone_has_no_auc(
     grasps: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("COLUMNS", "80")
