@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from typing import Any, TypedDict
 
@@ -18,9 +18,9 @@ import numpy as np
 
 from handsight.collection.attempt import AttemptProgress, AttemptStreams, attempt_seed, execute_grasp, is_held
 from handsight.collection.errors import PhaseError
+from handsight.collection.recorded_stations import RecordedStations, StationOpener
 from handsight.collection.station import Station
 from handsight.datasets.errors import below_least
-from handsight.datasets.format.header import canonical_json
 from handsight.evaluation.errors import EvaluationSettingsError
 from handsight.evaluation.results import wilson_95
 from handsight.jobs.ordered import map_ordered
@@ -29,8 +29,6 @@ from handsight.training.metrics import evaluate_scores
 
 MOST_SHIFT_M = 0.1
 MOST_TURN_RAD = 0.5 * math.pi
-StationOpener = Callable[[Mapping[str, Any]], Station]
-"""Opens the station that a session's settings describe."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -107,30 +105,9 @@ class RepeatabilityRow(TypedDict):
     """Repeats in which nothing was grasped."""
 
 
-@dataclass(slots=True)
-class RepeatContext:
-    """The context of a worker: a station for each configuration, opened when it is needed."""
-
-    open_station: StationOpener
-    _stations: dict[str, Station] = field(default_factory=dict)
-
-    def station(self, settings: Mapping[str, Any]) -> Station:
-        """The station that these settings describe."""
-        key = canonical_json(dict(settings))
-        if key not in self._stations:
-            self._stations[key] = self.open_station(settings)
-        return self._stations[key]
-
-    def close(self) -> None:
-        """Release all stations."""
-        for station in self._stations.values():
-            station.close()
-        self._stations.clear()
-
-
-def repeat_grasp(context: RepeatContext, grasp: RecordedGrasp, *, settings: RepeatSettings) -> RepeatedGrasp:
+def repeat_grasp(stations: RecordedStations, grasp: RecordedGrasp, *, settings: RepeatSettings) -> RepeatedGrasp:
     """Perform a grasp again, each time in its scene as it was and a little beside where it was."""
-    station = context.station(grasp.station)
+    station = stations.station(grasp.station)
     held = [_once(station, grasp, _beside(grasp, repeat, settings)) for repeat in range(settings.repeats)]
     return RepeatedGrasp(attempt=grasp.attempt, held=grasp.held, repeats=tuple(held))
 
@@ -155,7 +132,7 @@ def repeat_grasps(
     """
     done = []
     work = partial(repeat_grasp, settings=settings)
-    opener = partial(RepeatContext, open_station)
+    opener = partial(RecordedStations, open_station)
     for grasp in map_ordered(opener, work, grasps, workers=settings.workers, noun="attempt"):
         done.append(grasp)
         if on_grasp is not None:
@@ -193,10 +170,9 @@ def _once(station: Station, grasp: RecordedGrasp, pose: PlanarPose) -> bool | No
 
 def _beside(grasp: RecordedGrasp, repeat: int, settings: RepeatSettings) -> PlanarPose:
     seed = np.random.SeedSequence([settings.seed, grasp.session_seed], spawn_key=(grasp.number, repeat))
-    dx_m, dy_m, turn_rad = np.random.default_rng(seed).normal(
-        0, [settings.shift_m, settings.shift_m, settings.turn_rad]
-    )
-    return grasp.pose.after(PlanarStep(dx_m=float(dx_m), dy_m=float(dy_m), dangle_rad=float(turn_rad)))
+    deviation = (settings.shift_m, settings.shift_m, settings.turn_rad)
+    dx_m, dy_m, dangle_rad = np.random.default_rng(seed).normal(0, deviation).tolist()
+    return grasp.pose.after(PlanarStep(dx_m=dx_m, dy_m=dy_m, dangle_rad=dangle_rad))
 
 
 def _row(recorded: str, grasps: Sequence[RepeatedGrasp]) -> RepeatabilityRow:

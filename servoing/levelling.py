@@ -92,5 +92,4 @@ def _upright(normal: NDArray[np.float64]) -> NDArray[np.float64]:
 def _turned(view: View, rotation_turned_camera: NDArray[np.float64]) -> View:
     """The view of the camera turned about its centre; the rotation takes directions to its axes. Shape (3, 3)."""
     turn = CameraTurn(view.camera.intrinsics, rotation_turned_camera)
-    depth_m = np.where(view.valid, view.depth_m, 0).astype(np.float32)
-    return replace(view, rgb=turn.colours(view.rgb), depth_m=turn.depths(depth_m))
+    return replace(view, rgb=turn.colours(view.rgb), depth_m=turn.depths(view.measured_m))

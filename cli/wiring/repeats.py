@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -15,11 +15,10 @@ from handsight.cli.errors import CommandError
 from handsight.cli.output import console, progress_bar
 from handsight.cli.tables import Column, print_prose, print_table
 from handsight.cli.wiring.evaluation_tables import interval
-from handsight.cli.wiring.resimulate import why_not_again
-from handsight.collection.sim.config import SimConfig
-from handsight.collection.sim.station import SimStation
+from handsight.cli.wiring.resimulate import open_recorded_station, why_not_again
 from handsight.datasets.errors import counted
 from handsight.datasets.format.schema import parse_attempt_id
+from handsight.datasets.format.scores import SCORE_PREFIX
 from handsight.datasets.reading.reader import GraspDataset
 from handsight.datasets.reading.selection import matches
 from handsight.evaluation.repeatability import (
@@ -32,13 +31,6 @@ from handsight.evaluation.repeatability import (
 )
 from handsight.servoing.planar import PlanarPose
 from handsight.training.metrics import evaluate_scores
-
-_SCORE = "score_"
-
-
-def open_recorded_station(settings: Mapping[str, Any]) -> SimStation:
-    """The simulated station that a session's settings describe."""
-    return SimStation(SimConfig.from_json(dict(settings)))
 
 
 def recorded_grasps(dataset: GraspDataset, count: int, *, where: str, seed: int) -> list[RecordedGrasp]:
@@ -140,7 +132,7 @@ def _scores(dataset: GraspDataset, done: Sequence[RepeatedGrasp]) -> dict[str, f
     """How well each network whose scores are stored tells the same attempts apart; see ``dataset score``."""
     table = dataset.attempts.loc[[one.attempt for one in done]]
     found = {}
-    for column in [name for name in table.columns if str(name).startswith(_SCORE)]:
+    for column in [name for name in table.columns if str(name).startswith(SCORE_PREFIX)]:
         known = table[table[column].notna()]
         values = known[column].to_numpy(np.float32)
         found[column] = evaluate_scores(values, known["recorded_success"].to_numpy(np.float32)).auc

@@ -8,9 +8,9 @@ from typing import Any
 
 from handsight.cli.wiring.policies import recorded_policy
 from handsight.collection.attempt import attempt_seed, run_attempt
+from handsight.collection.recorded_stations import RecordedStations
 from handsight.collection.sim.config import PHYSICS_VERSION, SimConfig, recorded_physics
 from handsight.collection.sim.station import SimStation
-from handsight.datasets.format.header import canonical_json
 from handsight.datasets.records import GraspAttempt, SessionHeader
 
 
@@ -26,6 +26,11 @@ def why_not_again(header: SessionHeader) -> str:
     return ""
 
 
+def open_recorded_station(settings: Mapping[str, Any]) -> SimStation:
+    """The simulated station that a session's settings describe."""
+    return SimStation(SimConfig.from_json(settings))
+
+
 class Resimulator:
     """Answers for simulated sessions; keeps one station for each configuration."""
 
@@ -35,7 +40,7 @@ class Resimulator:
         Args:
             model: The run whose network chose the grasps, for sessions of the servo policy.
         """
-        self._stations: dict[str, SimStation] = {}
+        self._stations = RecordedStations(open_recorded_station)
         self._model = model
 
     def __call__(self, header: SessionHeader, number: int) -> GraspAttempt | None:
@@ -50,7 +55,7 @@ class Resimulator:
         if policy is None:
             return None
         return run_attempt(
-            self._station(header.config["station"]),
+            self._stations.station(header.config["station"]),
             policy,
             number,
             attempt_seed(header.seed, number),
@@ -59,12 +64,4 @@ class Resimulator:
 
     def close(self) -> None:
         """Stop the stations."""
-        for station in self._stations.values():
-            station.close()
-        self._stations.clear()
-
-    def _station(self, settings: dict[str, Any]) -> SimStation:
-        key = canonical_json(settings)
-        if key not in self._stations:
-            self._stations[key] = SimStation(SimConfig.from_json(settings))
-        return self._stations[key]
+        self._stations.close()

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from typing import Any
 
 import pytest
 from tests.support.scripted_station import ScriptedStation
 
+from handsight.collection.recorded_stations import RecordedStations
 from handsight.evaluation.errors import EvaluationSettingsError
 from handsight.evaluation.repeatability import (
     RecordedGrasp,
-    RepeatContext,
     RepeatedGrasp,
     RepeatSettings,
     foreseeable_auc,
@@ -37,14 +36,14 @@ class Remembering(ScriptedStation):
         self.reached.append(pose)
 
 
-def context_of(station: ScriptedStation) -> RepeatContext:
-    return RepeatContext(lambda settings: station)
+def stations_of(station: ScriptedStation) -> RecordedStations:
+    return RecordedStations(lambda settings: station)
 
 
 def test_poses_are_beside_the_recorded_one_and_follow_from_the_seed() -> None:
     def poses(settings: RepeatSettings, grasp: RecordedGrasp = GRASP) -> list[PlanarPose]:
         station = Remembering()
-        repeat_grasp(context_of(station), grasp, settings=settings)
+        repeat_grasp(stations_of(station), grasp, settings=settings)
         return station.reached
 
     assert poses(RepeatSettings(repeats=2, shift_m=0, turn_rad=0)) == [POSE, POSE]
@@ -65,33 +64,12 @@ def test_poses_are_beside_the_recorded_one_and_follow_from_the_seed() -> None:
 
 def test_a_repeat_holds_as_the_station_says_or_grasps_nothing() -> None:
     settings = RepeatSettings(repeats=2)
-    assert repeat_grasp(context_of(ScriptedStation()), GRASP, settings=settings).repeats == (True, True)
+    assert repeat_grasp(stations_of(ScriptedStation()), GRASP, settings=settings).repeats == (True, True)
     lost = ScriptedStation(widths_m=(0.03, 0.0, 0.0))
-    assert repeat_grasp(context_of(lost), GRASP, settings=settings).repeats == (False, False)
+    assert repeat_grasp(stations_of(lost), GRASP, settings=settings).repeats == (False, False)
     for phase in ("settle", "reach", "descend"):
         broken = ScriptedStation(faults={phase: 0})
-        assert repeat_grasp(context_of(broken), GRASP, settings=settings).repeats == (None, None)
-
-
-def test_each_configuration_has_one_station_and_all_are_closed() -> None:
-    opened: list[Mapping[str, Any]] = []
-    closed: list[str] = []
-
-    class Closing(ScriptedStation):
-        def close(self) -> None:
-            closed.append("closed")
-
-    def opening(settings: Mapping[str, Any]) -> ScriptedStation:
-        opened.append(settings)
-        return Closing()
-
-    context = RepeatContext(opening)
-    first = context.station({"a": 1, "b": 2})
-    assert context.station({"b": 2, "a": 1}) is first
-    assert context.station({"a": 2, "b": 2}) is not first
-    assert len(opened) == 2
-    context.close()
-    assert closed == ["closed", "closed"]
+        assert repeat_grasp(stations_of(broken), GRASP, settings=settings).repeats == (None, None)
 
 
 def repeated(held: bool, *repeats: bool | None) -> RepeatedGrasp:
